@@ -57,7 +57,7 @@ def commands(context: click.Context, version: bool) -> None:
     """Bake ambient occlusion or obscurance (1 = open) and render scenes, with Embree."""
     if version:
         from obscurance.ao.report import versions
-        from obscurance.raytrace.system.processor import processor
+        from obscurance.raytrace.kernel.processor import processor
 
         found = versions()
         print("obscurance", found["obscurance"])
@@ -181,7 +181,7 @@ def render(**options: Any) -> None:
 
 
 def _scene_names() -> list[str]:
-    from obscurance.scenes.library.catalogue import BUILTIN
+    from obscurance.scenes.library import BUILTIN
 
     return list(BUILTIN)
 
@@ -192,7 +192,7 @@ def _scene_names() -> list[str]:
 )
 def scenes(name: str | None, output: Path | None) -> None:
     """List the built-in scenes, or print or write one as TOML."""
-    from obscurance.scenes.library.catalogue import BUILTIN, builtin_toml, write_builtin
+    from obscurance.scenes.library import BUILTIN, builtin_toml, write_builtin
 
     if name is None:
         if output is not None:
@@ -219,7 +219,7 @@ def materials(name: str | None, check: bool) -> None:
     from obscurance.scenes.commands.materials import preset_toml, presets
 
     if check:
-        in_python = "albedo(material, angle) and asymmetry(material) of raytrace.materials.reflect, in Python"
+        in_python = "albedo(material, angle) and asymmetry(material) of raytrace.brdf.reflect, in Python"
         raise OptionError("check", in_python, "--check, which is no more")
     if name is None:
         print(columns(presets()))

@@ -31,10 +31,10 @@ class BuildKernels(build_ext):
 
     def run(self) -> None:
         sys.path.insert(0, str(ROOT))
-        from obscurance.raytrace.kernel import build, library
+        from obscurance.raytrace.kernel import build, library, processor
 
         in_tree = self.inplace or self.editable_mode
-        levels = (library.level(),) if in_tree else library.levels()
+        levels = (processor.level(),) if in_tree else processor.levels()
         folder = ROOT if in_tree else Path(self.build_lib) / "obscurance"
         objects = build.objects(ROOT / "build" / "kernels", levels, _show)
         for level, files in objects.files.items():

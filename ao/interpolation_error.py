@@ -7,7 +7,7 @@ import numpy as np
 from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.raytrace.ray_origins.origins import ray_offset
 from obscurance.raytrace.ray_origins.surface import Surface
-from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.types import Float32s, Float64s, Int64s
 
 from .estimate.inside import inside_solids

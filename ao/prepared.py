@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.embree import TriangleScene
 from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
 from obscurance.raytrace.mesh.opacity import PackedOpacity
 from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.sampling.sequences import seed_key
+from obscurance.raytrace.sampling import seed_key
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.system.threads import thread_count
 from obscurance.raytrace.types import Bools, Int64s

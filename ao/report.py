@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from obscurance.raytrace.embree import library as embree
+from obscurance.raytrace import embree
 from obscurance.raytrace.kernel.library import built_by
 from obscurance.raytrace.types import AnyFloats
 
@@ -41,7 +41,7 @@ def report(
     """The report of a bake as JSON-ready values.
 
     Args: options: every effective one of the command, `seed` among them. seconds: `load` and `write`; the bake adds
-        `build` and `bake`. warnings: what limits the result, see `raytrace.mesh.precision`.
+        `build` and `bake`. warnings: what limits the result, see `raytrace.mesh.warnings`.
     """
     # What texels have, or vertices.
     if isinstance(bake, BakedTexture):

@@ -12,6 +12,9 @@ from .brdf.models.poulin_fournier import PoulinFournier as PoulinFournier
 from .brdf.models.strauss import Strauss as Strauss
 from .brdf.models.ward import Ward as Ward
 from .brdf.models.warnock import Warnock as Warnock
+from .brdf.presets import PRESETS as PRESETS
+from .brdf.presets import material_from_dict as material_from_dict
+from .brdf.reflect import reflect as reflect
 from .camera import Camera as Camera
 from .errors import EmbreeError as EmbreeError
 from .errors import InputError as InputError
@@ -31,9 +34,6 @@ from .lights.sources import SkyLight as SkyLight
 from .lights.sources import SpotLight as SpotLight
 from .lights.sources import irradiance as irradiance
 from .lights.sources import light_from_dict as light_from_dict
-from .materials.presets import PRESETS as PRESETS
-from .materials.presets import material_from_dict as material_from_dict
-from .materials.reflect import reflect as reflect
 from .mesh.mesh import Mesh as Mesh
 from .mesh.normals import face_normals as face_normals
 from .mesh.normals import vertex_normals as vertex_normals

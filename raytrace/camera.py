@@ -9,9 +9,8 @@ import numpy as np
 
 from .errors import OptionError, numbers
 from .kernel.arrays import product
-from .mesh.mesh import Mesh, mesh_of
+from .mesh.mesh import TO_Y_UP, UP, Mesh, mesh_of, up_axis
 from .mesh.normals import normalize
-from .mesh.up import FROM, UP, up_axis
 from .system.parameters import Parameters, Point
 from .system.records import Within
 from .types import Float64s
@@ -20,6 +19,17 @@ Vector = Annotated[Point, "three finite numbers"]
 Degrees = Annotated[float, Within(0, 180, "()", "degrees above 0 and below 180")]
 Length = Annotated[float, Within(0, inf, "()", "a finite length above 0")]
 Diameter = Annotated[float, Within(0, inf, "[)", "a finite length of 0 or more")]
+_FROM = (0.55, 0.4, 1.0)
+
+
+def _turned_back(axes: tuple[Vector, Vector, Vector]) -> Vector:
+    """The usual view direction in the frame that `axes`, x, y and z, take to a mesh with z up."""
+    x, y, z = np.array(_FROM) @ axes
+    return float(x), float(y), float(z)
+
+
+FROM = {axes[1]: _turned_back(axes) for axes in TO_Y_UP.values()}
+"""From the front, the right and above, by what is up."""
 
 
 class Camera(Parameters, kw_only=False, source="camera"):

@@ -8,8 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .brdf.layout import ALPHA
-from .brdf.material import Brushed, Material
+from .brdf.material import ALPHA, Brushed, Material
 from .errors import OptionError, check_type, numbers
 from .image.texture import Texture
 from .kernel.arrays import product

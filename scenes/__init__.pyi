@@ -15,9 +15,9 @@ from .geometry.builtin_shapes import Solid as Solid
 from .geometry.builtin_shapes import Sphere as Sphere
 from .geometry.builtin_shapes import Sponge as Sponge
 from .geometry.builtin_shapes import Temple as Temple
-from .library.catalogue import BUILTIN as BUILTIN
-from .library.catalogue import builtin_toml as builtin_toml
-from .library.catalogue import write_builtin as write_builtin
+from .library import BUILTIN as BUILTIN
+from .library import builtin_toml as builtin_toml
+from .library import write_builtin as write_builtin
 from .show.page.document import html_page as html_page
 from .show.pictures import render as render
 from .show.pictures import view as view

@@ -4,7 +4,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from obscurance.raytrace.kernel.counting_sort import counting_sort
+from obscurance.raytrace.kernel.arrays import counting_sort
 from obscurance.raytrace.kernel.jit import kernel
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import AnyInts, Bools, Float32s, Int32s, Int64s

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from obscurance.raytrace.sampling.sequences import hash32_array, seed_key
+from obscurance.raytrace.sampling import hash32_array, seed_key
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import Bools, Float64s, Int32Rows, Int32s, Int64Rows, Int64s
 

@@ -5,7 +5,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from obscurance.raytrace.embree.packets import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
+from obscurance.raytrace.embree import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
 from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.placement import Placement

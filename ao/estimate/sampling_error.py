@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.types import Float64s, Int64s
 
 BATCH = 4  # rays are added in multiples of it

@@ -10,9 +10,9 @@ from typing import Any, Protocol, Self
 import numpy as np
 import numpy.typing as npt
 
-from obscurance.raytrace.embree import library as embree
-from obscurance.raytrace.kernel.library import built_by, cpu_features, results_identity
-from obscurance.raytrace.system.processor import model
+from obscurance.raytrace import embree
+from obscurance.raytrace.kernel.library import built_by, results_identity
+from obscurance.raytrace.kernel.processor import cpu_features, model
 from obscurance.raytrace.system.threads import granted, run_blocks
 
 Outputs = tuple[npt.NDArray[Any], ...]

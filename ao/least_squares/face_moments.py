@@ -8,12 +8,12 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from obscurance.raytrace.embree.packets import DIR_X, DIR_Y, DIR_Z, LANES
+from obscurance.raytrace.embree import DIR_X, DIR_Y, DIR_Z, LANES
 from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.kernel.vector import add, divide, dot, length, load, scale
 from obscurance.raytrace.mesh.placement import ULP
 from obscurance.raytrace.ray_origins.origins import OFFSET_ULPS
-from obscurance.raytrace.sampling.sequences import cosine_hemisphere, hash32
+from obscurance.raytrace.sampling import cosine_hemisphere, hash32
 from obscurance.raytrace.types import Float32Grid, Float32s, Float64Grid, Float64Rows, Float64s, Int64Rows, Int64s
 
 from ..mu import KernelMu

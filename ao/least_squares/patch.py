@@ -9,11 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from obscurance.raytrace.embree.packets import LANES
+from obscurance.raytrace.embree import LANES
 from obscurance.raytrace.mesh.morton import fine_morton_order
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.weld import CREASE
-from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..execute.work import Outputs

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
-from obscurance.raytrace.kernel.counting_sort import counting_sort
+from obscurance.raytrace.kernel.arrays import counting_sort
 from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.types import AnyInts, Float64Grid, Float64Rows, Float64s, Int32Rows, Int32s, Int64s
 

@@ -5,7 +5,7 @@ import numpy as np
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import face_normals
-from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..estimate.estimate import estimate_outside

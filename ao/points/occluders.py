@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 
 from obscurance.raytrace.errors import ConflictError, OptionError
-from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.mesh.mesh import UP, Mesh, mesh_of, up_axis
 from obscurance.raytrace.mesh.normals import own_vertex_normals
 from obscurance.raytrace.mesh.opacity import Opacity
-from obscurance.raytrace.mesh.up import UP, up_axis
 
 _EXTENT = 1024.0  # to each side, of the mesh's radius and its height: 1e-6 of a hemisphere looks past it
 _GAP = 2.0**-12  # of the radius, below the lowest vertex: faces that stand on the ground are not in it

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from obscurance.raytrace.bvh.closest import closest_points
-from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.embree import intersect
 from obscurance.raytrace.errors import MeshError, OptionError
 from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
 from obscurance.raytrace.mesh.opacity import alphas

@@ -12,16 +12,15 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from obscurance.raytrace.bvh.bvh16 import BVH16
-from obscurance.raytrace.embree.scene import TriangleScene
-from obscurance.raytrace.kernel.counting_sort import counting_sort
-from obscurance.raytrace.mesh.mesh import Mesh, corner_mask
+from obscurance.raytrace.embree import TriangleScene
+from obscurance.raytrace.kernel.arrays import counting_sort
+from obscurance.raytrace.mesh.mesh import UP, Mesh, corner_mask, up_axis
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import face_normals, nonzero, normalize, own_vertex_normals, smooth_normals
 from obscurance.raytrace.mesh.opacity import PackedOpacity
 from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.mesh.up import UP, up_axis
 from obscurance.raytrace.mesh.weld import CREASE
-from obscurance.raytrace.ray_origins.clearance import least_cosines
+from obscurance.raytrace.ray_origins.direction import least_cosines
 from obscurance.raytrace.ray_origins.origins import WeldedPoints, weld_points
 from obscurance.raytrace.ray_origins.surface import Surface
 from obscurance.raytrace.system.checks import check_memory

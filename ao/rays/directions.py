@@ -11,7 +11,7 @@ from obscurance.raytrace.kernel.arrays import aligned
 from obscurance.raytrace.kernel.jit import inline
 from obscurance.raytrace.kernel.simd import WIDE
 from obscurance.raytrace.kernel.vector import tangents
-from obscurance.raytrace.sampling.sequences import GOLDEN, LEAPED, cosine_hemisphere, hash32, jittered_lattice
+from obscurance.raytrace.sampling import GOLDEN, LEAPED, cosine_hemisphere, hash32, jittered_lattice
 from obscurance.raytrace.system.threads import run_blocks, thread_count
 from obscurance.raytrace.types import Float32Grid, Float32s, Float64Rows, Float64s, Int64s, UInt8s
 

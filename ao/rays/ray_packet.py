@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from obscurance.raytrace.embree import packets
-from obscurance.raytrace.embree.packets import LANES, TFAR
-from obscurance.raytrace.embree.scene import EmbreeScene
+from obscurance.raytrace import embree
+from obscurance.raytrace.embree import LANES, TFAR, EmbreeScene
 from obscurance.raytrace.kernel.jit import inline
 from obscurance.raytrace.mesh.opacity import PackedOpacity, alpha
 from obscurance.raytrace.types import Float32Rows, Int32s
@@ -29,7 +28,7 @@ class RayPacket(NamedTuple):
     """Eight rays and the Embree scene that they are traced in.
 
     Attributes:
-        scene: uint64, Embree's handle. rays: float32 (22, 8). valid: int32 (8,). See `raytrace.embree.packets`.
+        scene: uint64, Embree's handle. rays: float32 (22, 8). valid: int32 (8,). See `raytrace.embree`.
         opacity: of the scene's faces, or None.
     """
 
@@ -41,7 +40,7 @@ class RayPacket(NamedTuple):
     @classmethod
     def of(cls, scene: EmbreeScene, opacity: PackedOpacity | None = None) -> RayPacket:
         """A new packet, all lanes valid."""
-        return cls(scene.handle, *packets.new_packet(), opacity)
+        return cls(scene.handle, *embree.new_packet(), opacity)
 
 
 @inline
@@ -49,7 +48,7 @@ def start_from(rays, origin):
     """Let all rays of a packet, float32 (22, 8), start at a point."""
     for lane in range(LANES):
         for axis in range(3):
-            rays[packets.ORG_X + axis, lane] = origin[axis]
+            rays[embree.ORG_X + axis, lane] = origin[axis]
 
 
 @inline
@@ -59,9 +58,9 @@ def aim(rays, local, first_ray, t, b, n, t_max):
         x = local[0, first_ray + lane]
         y = local[1, first_ray + lane]
         z = local[2, first_ray + lane]
-        rays[packets.DIR_X, lane] = x * t[0] + y * b[0] + z * n[0]
-        rays[packets.DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
-        rays[packets.DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]
+        rays[embree.DIR_X, lane] = x * t[0] + y * b[0] + z * n[0]
+        rays[embree.DIR_Y, lane] = x * t[1] + y * b[1] + z * n[1]
+        rays[embree.DIR_Z, lane] = x * t[2] + y * b[2] + z * n[2]
         rays[TFAR, lane] = t_max
 
 
@@ -82,9 +81,9 @@ def trace(packet, closest, falloff, t_max, lift, alpha_rows):
     if alpha_rows is not None:
         _trace_through(packet, falloff, t_max, lift, alpha_rows)
     elif closest:
-        packets.intersect8(packet.scene, packet.rays, packet.valid)
+        embree.intersect8(packet.scene, packet.rays, packet.valid)
     else:
-        packets.occluded8(packet.scene, packet.rays, packet.valid)
+        embree.occluded8(packet.scene, packet.rays, packet.valid)
 
 
 @inline
@@ -94,7 +93,7 @@ def mu_of(rays, lane, lift, closest, falloff, alpha_rows):
         return 1.0 - alpha_rows[_OCCLUSION, lane]
     if not closest:
         return 0.0 if rays[TFAR, lane] < 0.0 else 1.0
-    if rays.view(np.uint32)[packets.GEOM_ID, lane] == packets.INVALID:
+    if rays.view(np.uint32)[embree.GEOM_ID, lane] == embree.INVALID:
         return 1.0
     return _mu_at(_distance_of(rays, lane, lift), falloff)
 
@@ -102,7 +101,7 @@ def mu_of(rays, lane, lift, closest, falloff, alpha_rows):
 @inline
 def _distance_of(rays, lane, lift):
     """How far the plane of a hit is, along the ray, from the place that its origin is lifted from; at least 0."""
-    ahead = _along_normal(rays, lane, rays[packets.DIR_X, lane], rays[packets.DIR_Y, lane], rays[packets.DIR_Z, lane])
+    ahead = _along_normal(rays, lane, rays[embree.DIR_X, lane], rays[embree.DIR_Y, lane], rays[embree.DIR_Z, lane])
     lifted = _along_normal(rays, lane, lift[0], lift[1], lift[2])
     return max(rays[TFAR, lane] + lifted / ahead, 0.0) if ahead != 0.0 else rays[TFAR, lane]
 
@@ -110,7 +109,7 @@ def _distance_of(rays, lane, lift):
 @inline
 def _along_normal(rays, lane, x, y, z):
     """The dot product of a vector and the normal, of any length, of what a ray has hit."""
-    return x * rays[packets.NG_X, lane] + y * rays[packets.NG_Y, lane] + z * rays[packets.NG_Z, lane]
+    return x * rays[embree.NG_X, lane] + y * rays[embree.NG_Y, lane] + z * rays[embree.NG_Z, lane]
 
 
 @inline
@@ -118,7 +117,7 @@ def backface_share(rays, lane, alpha_rows):
     """The part of a ray, traced for the closest hit, that ends on the back of a face."""
     if alpha_rows is not None:
         return alpha_rows[_BACKFACES, lane]
-    return 1.0 if rays.view(np.uint32)[packets.GEOM_ID, lane] != packets.INVALID and _is_back(rays, lane) else 0.0
+    return 1.0 if rays.view(np.uint32)[embree.GEOM_ID, lane] != embree.INVALID and _is_back(rays, lane) else 0.0
 
 
 @inline
@@ -132,9 +131,9 @@ def _mu_at(distance, falloff):
 @inline
 def _is_back(rays, lane):
     """Whether a ray has hit the back of a face."""
-    x = rays[packets.DIR_X, lane]
-    y = rays[packets.DIR_Y, lane]
-    z = rays[packets.DIR_Z, lane]
+    x = rays[embree.DIR_X, lane]
+    y = rays[embree.DIR_Y, lane]
+    z = rays[embree.DIR_Z, lane]
     return _along_normal(rays, lane, x, y, z) > 0.0
 
 
@@ -152,29 +151,29 @@ def _trace_through(packet, falloff, t_max, lift, alpha_rows):
         valid_rays |= -valid[lane] << lane
     active_rays = valid_rays
     while active_rays != 0:
-        packets.intersect8(packet.scene, rays, valid)
+        embree.intersect8(packet.scene, rays, valid)
         for lane in range(LANES):
             if valid[lane] == 0:
                 continue
-            if ids[packets.GEOM_ID, lane] != packets.INVALID:
+            if ids[embree.GEOM_ID, lane] != embree.INVALID:
                 _blend_hit(packet.opacity, falloff, rays, lane, lift, alpha_rows)
-                rays[packets.TNEAR, lane] = max(rays[TFAR, lane] * _FARTHER, _LEAST_T)
+                rays[embree.TNEAR, lane] = max(rays[TFAR, lane] * _FARTHER, _LEAST_T)
                 rays[TFAR, lane] = t_max
-            if ids[packets.GEOM_ID, lane] == packets.INVALID or alpha_rows[_TRANSMITTANCE, lane] <= LEAST:
+            if ids[embree.GEOM_ID, lane] == embree.INVALID or alpha_rows[_TRANSMITTANCE, lane] <= LEAST:
                 valid[lane] = 0
                 active_rays &= ~(1 << lane)
     for lane in range(LANES):
         valid[lane] = -(valid_rays >> lane & 1)
-        rays[packets.TNEAR, lane] = 0.0
+        rays[embree.TNEAR, lane] = 0.0
 
 
 @inline
 def _blend_hit(opacity, falloff, rays, lane, lift, alpha_rows):
     """Let a part of a ray end at its hit, by the alpha there."""
-    face = np.int64(rays.view(np.uint32)[packets.PRIM_ID, lane])
+    face = np.int64(rays.view(np.uint32)[embree.PRIM_ID, lane])
     if face == alpha_rows[_LAST, lane] or (opacity.one_sided != 0 and _is_back(rays, lane)):
         return
-    share = alpha_rows[_TRANSMITTANCE, lane] * alpha(opacity, face, rays[packets.U, lane], rays[packets.V, lane])
+    share = alpha_rows[_TRANSMITTANCE, lane] * alpha(opacity, face, rays[embree.U, lane], rays[embree.V, lane])
     alpha_rows[_TRANSMITTANCE, lane] -= share
     alpha_rows[_OCCLUSION, lane] += share * (1.0 - _mu_at(_distance_of(rays, lane, lift), falloff))
     alpha_rows[_BACKFACES, lane] += share * _is_back(rays, lane)

@@ -9,7 +9,7 @@ from functools import cache, partial
 import numpy as np
 
 from obscurance.raytrace.bvh.bvh16 import BVH16
-from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.embree import TriangleScene
 from obscurance.raytrace.mesh.opacity import PackedOpacity
 from obscurance.raytrace.types import Float32s, Int64s
 

@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from obscurance.raytrace.kernel.jit import inline
-from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.system.parallel import parallel
 from obscurance.raytrace.types import Bools, Float64Grid, Float64s, Int32Rows, Int32s, Int64s
 

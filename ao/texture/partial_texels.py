@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from obscurance.raytrace.kernel.jit import inline, kernel
-from obscurance.raytrace.sampling.sequences import hash32
+from obscurance.raytrace.sampling import hash32
 from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64Rows, Float64s, Int32Rows, Int64s
 
 from .raster import EDGE, INSIDE, POINTS, SLOTS, Lists, Marks, least_edge, set_up_edges, store_barycentric

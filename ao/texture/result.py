@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obscurance.raytrace.image.encode import linear_png
 from obscurance.raytrace.image.fill import fill_holes
+from obscurance.raytrace.image.write import linear_png
 from obscurance.raytrace.kernel.vector import dot, load, store
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.normals import normalized

@@ -8,7 +8,7 @@ import numpy as np
 
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.morton import morton_order
-from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
 from ..estimate.inside import inside_solids

@@ -23,12 +23,12 @@ from benchmarks import RESULTS
 from obscurance import ao
 from obscurance.ao.points.receivers import find_receivers
 from obscurance.ao.report import versions
-from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.embree import intersect
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.normals import face_normals, normalize
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.ray_origins.origins import ray_offset
-from obscurance.raytrace.sampling.sequences import cosine_hemisphere, owen_sobol
+from obscurance.raytrace.sampling import cosine_hemisphere, owen_sobol
 from obscurance.raytrace.system.atomic import write_json
 from obscurance.scenes.formats.load import load
 

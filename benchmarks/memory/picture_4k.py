@@ -18,7 +18,7 @@ from pathlib import Path
 from benchmarks import RESULTS, ROOT
 from obscurance.ao.report import versions
 from obscurance.raytrace.system.atomic import write_json
-from obscurance.scenes.library.catalogue import BUILTIN, write_builtin
+from obscurance.scenes.library import BUILTIN, write_builtin
 
 WIDTH, HEIGHT = 3840, 2160
 TARGET = 2 << 30

@@ -19,7 +19,7 @@ import numpy as np
 
 from obscurance.raytrace import CookTorrance, EllipticalBeckmann, Lambert, Material
 from obscurance.raytrace.brdf.microfacet import fresnel
-from obscurance.raytrace.materials.reflect import reflect
+from obscurance.raytrace.brdf.reflect import reflect
 
 N = np.array([0.0, 0.0, 1.0])
 COUNT, TOLERANCE = 2000, 2e-5

@@ -22,7 +22,7 @@ from obscurance.raytrace import (
     Ward,
 )
 from obscurance.raytrace.brdf.models.oren_nayar import fitted_orders
-from obscurance.raytrace.materials.reflect import NORMAL, albedo, asymmetry, directional_albedo, towards
+from obscurance.raytrace.brdf.reflect import NORMAL, albedo, asymmetry, directional_albedo, towards
 
 from .oren_nayar_integral import reference_orders
 

@@ -13,7 +13,7 @@ import sys
 import tempfile
 
 from benchmarks import ROOT
-from obscurance.scenes.library.catalogue import BUILTIN
+from obscurance.scenes.library import BUILTIN
 
 FOLDER = ROOT / "docs" / "gallery"
 OPTIONS = {

@@ -28,9 +28,9 @@ from obscurance.raytrace import (
     Warnock,
     material_from_dict,
 )
+from obscurance.raytrace.brdf.presets import eta_from_reflectance
+from obscurance.raytrace.brdf.reflect import reflect
 from obscurance.raytrace.image.write import write_image
-from obscurance.raytrace.materials.presets import eta_from_reflectance
-from obscurance.raytrace.materials.reflect import reflect
 from obscurance.raytrace.mesh.normals import normalize
 
 FOLDER = ROOT / "docs" / "models"

@@ -21,7 +21,7 @@ from obscurance import ao
 from obscurance.raytrace import Camera, Mesh, render
 from obscurance.raytrace.image.compare import compare
 from obscurance.raytrace.image.write import write_image
-from obscurance.raytrace.mesh.up import UP, up_axis
+from obscurance.raytrace.mesh.mesh import UP, up_axis
 from obscurance.scenes.formats.load import MeshFile, load
 from obscurance.scenes.formats.write import write
 from obscurance.scenes.geometry.builtin_shapes import temple

@@ -44,7 +44,7 @@ STAGES = (
     ("origins", "obscurance.raytrace.ray_origins.origins WeldedPoints.ray_origins"),
     ("receivers", "obscurance.ao.points.receivers find_receivers"),
     ("corners of folds", "obscurance.ao.points.corners find_corner_samples"),
-    ("Embree's hierarchy", "obscurance.raytrace.embree.scene TriangleScene.__init__"),
+    ("Embree's hierarchy", "obscurance.raytrace.embree TriangleScene.__init__"),
     ("interior", "obscurance.ao.estimate.inside inside_solids"),
     ("rays", "obscurance.ao.execute.tracer Tracer.gather"),
     ("rays", "obscurance.ao.execute.sample_means SampleMeans.rows"),

@@ -29,7 +29,7 @@ from obscurance.scenes.geometry.polyhedra import icosphere
 from obscurance.scenes.validation.table import text_table
 
 ROUNDS = 5
-EMBREE = "obscurance.raytrace.embree.library"
+EMBREE = "obscurance.raytrace.embree"
 _FINENESS = 0.6  # 3,906 vertices
 RESULT = RESULTS / "start_up.json"
 

@@ -26,7 +26,7 @@ from obscurance.ao.rays.gather import COLUMNS, gather_hemispheres
 from obscurance.ao.rays.ray_blocks import Rays
 from obscurance.ao.rays.traverse import TraversalState
 from obscurance.ao.report import versions
-from obscurance.raytrace.embree.packets import (
+from obscurance.raytrace.embree import (
     DIR_X,
     DIR_Y,
     DIR_Z,
@@ -43,7 +43,7 @@ from obscurance.raytrace.embree.packets import (
 )
 from obscurance.raytrace.kernel.jit import kernel
 from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.sampling.sequences import seed_key
+from obscurance.raytrace.sampling import seed_key
 from obscurance.raytrace.system.atomic import write_json
 from obscurance.raytrace.system.threads import run_blocks, thread_count
 from obscurance.scenes.formats.load import load

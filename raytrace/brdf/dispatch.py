@@ -17,7 +17,7 @@ from ..kernel.jit import Late, inline, kernel
 from ..kernel.simd import WIDE, pick, replace
 from ..kernel.vector import add, choose, dot, load, scale, triple
 from ..types import Float64Rows, Float64s
-from .layout import GRAIN, TO_LIGHT, TO_VIEWER, TWO_SIDED
+from .material import GRAIN, TO_LIGHT, TO_VIEWER, TWO_SIDED
 from .registry import in_lanes, reflection_models
 
 

@@ -1,4 +1,8 @@
-"""Base classes of materials: emission, ambient reflectance, diffuse bodies; packing into rows for kernels."""
+"""Base classes of materials: emission, ambient reflectance, diffuse bodies; packing into rows for kernels.
+
+A row of float64 begins with the same head for every model, whose columns are named here; the model's own parameters
+follow from column `MODEL` on, in the order its file states.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,17 @@ import numpy as np
 from ..errors import OptionError
 from ..system.parameters import Direction, Exponent, Parameters, Radiance, Reflectance, Sides
 from ..types import Float64s, Int64s
-from . import layout
+
+EMISSION = 0  # I_e, emitted RGB
+AMBIENT = 3  # k_a, RGB reflected of unit ambient light
+ALPHA = 6  # opacity of the pixel (Strauss: 1 − t; otherwise 1)
+TWO_SIDED = 7  # 0, or the side the normal turns to: TO_LIGHT or TO_VIEWER
+GRAIN = 8  # unit direction of the grain, scene axes; zero: the surface's tangent is used
+GLOSS, GRAZING = 11, 14  # RGB that is mirrored of what is around, at normal incidence and at grazing
+SLOPE = 17  # RMS slope of the facets that mirror it
+BRUSHED = 18  # 1: reflects differently along and across a grain
+MODEL = 19
+TO_LIGHT, TO_VIEWER = 1.0, 2.0
 
 RGB = tuple[float, ...]  # of three
 BLACK: RGB = (0.0, 0.0, 0.0)
@@ -26,7 +40,7 @@ class Gloss(NamedTuple):
 
 
 class PackedMaterial(NamedTuple):
-    """A material as kernels take it: integer kind, and a float64 row as `raytrace.brdf.layout` has it."""
+    """A material as kernels take it: integer kind, and a float64 row whose columns are named above."""
 
     kind: int
     row: Float64s
@@ -58,17 +72,17 @@ class Material(Parameters):
         grain /= np.abs(grain).max() or 1.0  # squares neither overflow nor vanish
         parameters = self.parameters()
 
-        row = np.zeros(layout.MODEL + len(parameters))
-        row[layout.EMISSION : layout.EMISSION + 3] = self.emission
-        row[layout.AMBIENT : layout.AMBIENT + 3] = self.ambient() if k_a is None else k_a
-        row[layout.ALPHA] = 1.0 - getattr(self, "transparency", 0.0)
-        row[layout.TWO_SIDED] = layout.TO_VIEWER if self.two_sided == "viewer" else layout.TO_LIGHT * self.two_sided
-        row[layout.GRAIN : layout.GRAIN + 3] = grain / (np.linalg.norm(grain) or 1.0)
-        row[layout.GLOSS : layout.GLOSS + 3] = gloss.normal
-        row[layout.GRAZING : layout.GRAZING + 3] = gloss.grazing
-        row[layout.SLOPE] = gloss.slope
-        row[layout.BRUSHED] = isinstance(self, Brushed)
-        row[layout.MODEL :] = parameters
+        row = np.zeros(MODEL + len(parameters))
+        row[EMISSION : EMISSION + 3] = self.emission
+        row[AMBIENT : AMBIENT + 3] = self.ambient() if k_a is None else k_a
+        row[ALPHA] = 1.0 - getattr(self, "transparency", 0.0)
+        row[TWO_SIDED] = TO_VIEWER if self.two_sided == "viewer" else TO_LIGHT * self.two_sided
+        row[GRAIN : GRAIN + 3] = grain / (np.linalg.norm(grain) or 1.0)
+        row[GLOSS : GLOSS + 3] = gloss.normal
+        row[GRAZING : GRAZING + 3] = gloss.grazing
+        row[SLOPE] = gloss.slope
+        row[BRUSHED] = isinstance(self, Brushed)
+        row[MODEL:] = parameters
         return PackedMaterial(self.kind, row)
 
     @abstractmethod
@@ -135,7 +149,7 @@ class Glossy(TwoTerm):
 def pack_materials(materials: Sequence[Material]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, longest) float64 of materials, for a kernel that meets them all."""
     packed = [material.pack() for material in materials]
-    material_rows = np.zeros((len(packed), max((len(material.row) for material in packed), default=layout.MODEL)))
+    material_rows = np.zeros((len(packed), max((len(material.row) for material in packed), default=MODEL)))
     for row, material in zip(material_rows, packed, strict=True):
         row[: len(material.row)] = material.row
     return np.array([material.kind for material in packed], np.int64), material_rows

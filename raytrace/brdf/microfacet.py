@@ -15,8 +15,7 @@ from ..kernel.jit import inline
 from ..kernel.simd import select
 from ..kernel.vector import dot, scale, triple
 from ..system.parameters import ConductorIndices, Extinctions, Fraction, Reflectance
-from .layout import MODEL
-from .material import Diffuse, Gloss
+from .material import MODEL, Diffuse, Gloss
 
 K_S = MODEL + 3
 ETA = MODEL + 4

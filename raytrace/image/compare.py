@@ -10,9 +10,9 @@ from ..errors import InputError, OptionError
 from ..system.atomic import PathName
 from ..system.checks import check_memory, check_outputs
 from ..types import Float32s
-from .openimageio import openimageio
+from .colour import decode_srgb
+from .formats import openimageio
 from .read import open_image, read_image
-from .srgb import decode_srgb
 from .write import check_image_target, write_image
 
 _READ, _FLIP = 52, 150  # bytes that a pixel takes while two pictures are read, and FLIP takes besides

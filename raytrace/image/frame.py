@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from ..errors import OptionError
 from ..system.atomic import PathName
 from ..types import Float32s
-from .encode import LAYERS, file_format, image_bytes, write_layers, write_picture
-from .write import check_image_target
+from .formats import LAYERS, file_format
+from .write import check_image_target, image_bytes, write_layers, write_picture
 
 
 @dataclass(frozen=True, eq=False)

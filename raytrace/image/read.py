@@ -16,9 +16,8 @@ from ..settings import MAX_SIZE
 from ..system.atomic import PathName
 from ..system.checks import check_memory, check_regular
 from ..types import Float32s
-from .encode import NAMESPACE
-from .openimageio import openimageio
-from .srgb import decode_srgb
+from .colour import decoding_table, stored_type
+from .formats import NAMESPACE, openimageio
 
 GROWTH, SPARE = 1100, 1 << 26  # deflate grows 1032-fold at most; 64 MiB hold 4096×4096 pixels of four bytes
 _JPEG_2000 = b"\0\0\0\x0cjP  \r\n\x87\n", b"\xff\x4f\xff\x51"
@@ -135,20 +134,6 @@ def row_blocks(image: Any, path: PathName) -> Iterator[tuple[slice, npt.NDArray[
         yield slice(top, end), np.asarray(numbers).reshape(end - top, spec.width, spec.nchannels)
 
 
-def decoding_table(spec: Any, srgb: bool | None = None) -> Float32s | None:
-    """Linear values of the 8- or 16-bit codes of a file, None for floats.
-
-    Args: srgb: how codes are encoded; None: as the file says.
-    """
-    codes = stored_type(spec)
-    if codes == "float32":
-        return None
-    values = np.linspace(0.0, 1.0, 256 if codes == "uint8" else 65536)
-    if srgb is None:
-        srgb = not spec.get_string_attribute("oiio:ColorSpace").startswith("lin")
-    return decode_srgb(values) if srgb else values.astype(np.float32)
-
-
 @contextmanager
 def _silenced() -> Iterator[None]:
     """Hold back what libpng prints on the standard error by itself; OpenImageIO's message says the same."""
@@ -179,12 +164,6 @@ def _limited(oiio: Any, file: Path, stored: int) -> Iterator[None]:
         yield
     finally:
         oiio.attribute(_LIMIT, usual)
-
-
-def stored_type(spec: Any) -> str:
-    """The dtype that a file is read as: uint8 or uint16 codes, or float32."""
-    text = str(spec.format)
-    return text if text in ("uint8", "uint16") else "float32"
 
 
 def _layers(names: list[str]) -> dict[str, list[int]]:

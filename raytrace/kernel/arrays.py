@@ -1,4 +1,4 @@
-"""Arrays for kernels and Embree: aligned, multiplied without BLAS.
+"""Arrays for kernels and Embree: aligned, multiplied without BLAS, sorted by counting.
 
 OpenBLAS multiplies a few thousand rows on threads that go on spinning for some thirty milliseconds afterwards, on
 cores that rays are traced on meanwhile: bakes take up to twice as long.
@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..types import AnyFloats, Float64s
+from ..types import AnyFloats, Float64s, Int32s, Int64s
+from .jit import kernel
 
 
 def product(rows: Float64s, matrix: AnyFloats) -> Float64s:
@@ -24,3 +25,29 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike, zeroed: bool = True) -
     raw = (np.zeros if zeroed else np.empty)(size + 80, np.uint8)
     start = -raw.ctypes.data % 64
     return raw[start : start + size].view(dtype).reshape(shape)
+
+
+def counting_sort(keys: Int32s | Int64s, count: int) -> tuple[Int64s, Int64s]:
+    """Places in the flattened keys, whole numbers below `count`, by key, stable; negative ones are left out.
+
+    Returns: places int64 (k,), and starts int64 (count + 1,): places[starts[i] : starts[i + 1]] have key i.
+    """
+    starts = np.zeros(count + 2, np.int64)
+    places = np.empty(keys.size, np.int64)
+    _sort(keys.reshape(-1), starts, places)
+    return places[: starts[-1]], starts[:-1]
+
+
+@kernel
+def _sort(keys: Int32s | Int64s, starts: Int64s, places: Int64s) -> None:
+    """Write `counting_sort`. Args: starts: zeros (count + 2,)."""
+    for k in range(len(keys)):
+        if keys[k] >= 0:
+            starts[keys[k] + 2] += 1
+    for i in range(2, len(starts)):
+        starts[i] += starts[i - 1]  # starts[i + 1] is where key i begins
+    for k in range(len(keys)):
+        if keys[k] >= 0:
+            row = keys[k] + 1
+            places[starts[row]] = k
+            starts[row] += 1  # and becomes where it ends

@@ -13,8 +13,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ..types import examples
 from . import jit
-from .declared import examples
 from .identity import PACKAGES, ROOT
 from .jit import Kernel
 from .library import ABOUT, BUILT, POINTER, SOURCES, identity_of

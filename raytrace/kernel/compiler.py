@@ -2,7 +2,8 @@
 
 Numba's own dispatchers make for each function, inlined or not, machine code and two wrappers with Python's types. Here
 a kernel and all that it calls become one object file with one entry, which takes the addresses of NumPy's arrays. It is
-position-independent, for a level of processors rather than for this one, and calls C functions by pointers.
+position-independent, for a level of processors rather than for this one, and calls C functions by pointers. It takes
+and gives a word for each number, and takes the address of its Python object for each array.
 """
 
 import ctypes
@@ -23,12 +24,14 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher, cpu_target
 from numba.core.runtime import rtsys
+from numba.np.arrayobj import make_array, populate_array
 
 from . import lanes as lanes  # Numba knows the type and its operators from then on
 from .jit import types
-from .library import ABOUT, ARM, BUILT, POINTER, SOURCES, identities_of_sources, levels
+from .lanes import RecordView
+from .library import ABOUT, BUILT, POINTER, SOURCES, about, identities_of_sources, pointers
+from .processor import ARM, level, levels
 from .signature import Signature
-from .words import load_argument, store_results, type_of_value
 
 _WORD = ir.IntType(64)
 _BYTE = ir.IntType(8)
@@ -37,6 +40,10 @@ _INFO = 48  # bytes before Numba's arrays: count of references, destructor, its 
 _OF_NUMBA = ("NRT_", "numba_", "Py", "_Py")  # functions that a process without Numba has not
 _context = cpu_target.target_context
 _kept: list[CPUDispatcher] = []  # Numba's types only refer to them weakly
+_HEAD = object.__basicsize__ // 8  # words before an array's own: data, number of axes, lengths, strides
+_DATA = _HEAD
+_SHAPE = _HEAD + 2
+_STRIDES = _HEAD + 3
 
 
 class _Dispatcher(CPUDispatcher):
@@ -252,3 +259,88 @@ def _memory() -> Any:
     builder.call(free, release.args)
     builder.ret_void()
     return module
+
+
+def type_of_value(value: Any) -> Any:
+    """Numba's type of an argument; that of a read-only array is as if it were writable."""
+    if isinstance(value, tuple):
+        return types.BaseTuple.from_types(tuple(map(type_of_value, value)), type(value))
+    kind = numba.typeof(value)
+    return kind.copy(readonly=False) if isinstance(kind, types.Array) else kind
+
+
+def load_argument(builder: Any, words: Any, word_numbers: Iterator[int], kind: Any) -> Any:
+    """LLVM's code that makes a value of a Numba type of the next words."""
+    if isinstance(kind, RecordView):
+        record = load_argument(builder, words, word_numbers, kind.record)
+        return builder.bitcast(cgutils.alloca_once_value(builder, record), cgutils.voidptr_t)
+    if isinstance(kind, types.BaseTuple):
+        members = [load_argument(builder, words, word_numbers, member) for member in kind.types]
+        return _context.make_tuple(builder, kind, members)
+    if kind == types.none:
+        return _context.get_dummy_value()
+    word = builder.load(cgutils.gep_inbounds(builder, words, next(word_numbers)))
+    if isinstance(kind, types.Array):
+        return _array(builder, word, kind)
+    if isinstance(kind, types.Float):
+        number = builder.bitcast(word, ir.DoubleType())
+        return builder.fptrunc(number, ir.FloatType()) if kind.bitwidth < 64 else number
+    if isinstance(kind, types.Boolean):
+        return builder.icmp_unsigned("!=", word, _WORD(0))
+    return builder.trunc(word, ir.IntType(kind.bitwidth)) if kind.bitwidth < 64 else word
+
+
+def _array(builder: Any, word: Any, kind: Any) -> Any:
+    """The array whose Python object is at an address; it is kept by who calls."""
+
+    def words(address: Any, places: Iterable[int]) -> list[Any]:
+        """Words of the Python object at these places."""
+        pointer = builder.inttoptr(address, _WORD.as_pointer())
+        return [builder.load(cgutils.gep_inbounds(builder, pointer, element)) for element in places]
+
+    data, lengths, steps = words(word, (_DATA, _SHAPE, _STRIDES))
+    shape = words(lengths, range(kind.ndim))
+    strides = words(steps, range(kind.ndim))
+    array = make_array(kind)(_context, builder)
+    size = _context.get_abi_sizeof(_context.get_data_type(kind.dtype))
+    populate_array(array, builder.inttoptr(data, array.data.type), shape, strides, _WORD(size), None)
+    return array._getvalue()
+
+
+def store_results(builder: Any, kind: Any, value: Any, results: Any, word_numbers: Iterator[int]) -> str:
+    """LLVM's code that writes a value to where results are wanted, a word each number; returns their formats."""
+    if kind == types.none:
+        return ""
+    if isinstance(kind, types.BaseTuple):
+        members = [builder.extract_value(value, member) for member in range(len(kind))]
+        typed = zip(kind, members, strict=True)
+        formats = [store_results(builder, part, member, results, word_numbers) for part, member in typed]
+        return f"({''.join(formats)})"
+    if isinstance(kind, types.Float):
+        word, letter = builder.bitcast(builder.fpext(value, ir.DoubleType()), _WORD), "d"
+    elif isinstance(kind, types.Integer | types.Boolean):
+        signed = isinstance(kind, types.Integer) and kind.signed
+        word, letter = (builder.sext(value, _WORD), "q") if signed else (builder.zext(value, _WORD), "Q")
+        letter = "?7x" if isinstance(kind, types.Boolean) else letter
+    else:
+        raise TypeError(f"result of a kernel: expected numbers and tuples of them, got {kind}")
+    builder.store(word, cgutils.gep_inbounds(builder, results, next(word_numbers)))
+    return letter
+
+
+@cache
+def _engine() -> llvm.ExecutionEngine:
+    """LLVM's just-in-time linker, for object files of this machine."""
+    machine = machine_of(level())
+    return llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+
+
+def linked_here(signature: Signature, function: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, int]:
+    """The formats of a kernel's results and the address of its code, which LLVM links in this process."""
+    (code,) = object_files(signature, function, arguments, [level()])
+    for name, address in pointers().items():
+        llvm.add_symbol(name, address)
+    _engine().add_object_file(llvm.ObjectFileRef.from_data(code))
+    _engine().finalize_object()
+    formats, _ = about(_engine().get_global_value_address(signature.symbol + ABOUT))
+    return formats, _engine().get_function_address(signature.symbol)

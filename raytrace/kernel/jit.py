@@ -1,7 +1,7 @@
 """Hot loops as machine code: decorators for kernels, and for the helpers, C functions and intrinsics that these call.
 
 A kernel comes from the library that was built with the package (`raytrace.kernel.library`), for the types of arguments
-that its annotations name, and for no others (`raytrace.kernel.declared`). What the library has not, as an edit in a
+that its annotations name, and for no others (`raytrace.types`). What the library has not, as an edit in a
 source tree, is compiled when it is first called, if Numba is there; so are kernels without annotations, for any types.
 """
 
@@ -51,7 +51,6 @@ types = _Deferred("numba.core.types")
 arrayobj = _Deferred("numba.np.arrayobj")
 lanes = _Deferred("obscurance.raytrace.kernel.lanes")
 compiler = _Deferred("obscurance.raytrace.kernel.compiler")
-link = _Deferred("obscurance.raytrace.kernel.link")
 
 
 class _Loaded(NamedTuple):
@@ -144,13 +143,13 @@ def _code(signature: Signature, function: Callable[..., Any], arguments: tuple[A
 
         logging.getLogger("obscurance").info("compiling kernel %s", signature.line)
         compiled.append(signature.line)
-        formats_and_address = link.linked_here(signature, function, arguments)
+        formats_and_address = compiler.linked_here(signature, function, arguments)
     return formats_and_address
 
 
 def _check_types(signature: Signature, function: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
     """Raises: KernelError: the annotations of a parameter, if there are any, do not name the type of its argument."""
-    from .declared import examples
+    from ..types import examples
 
     given = inspect.signature(function).bind(*arguments).arguments
     for parameter, allowed in examples(function).items():

@@ -6,25 +6,17 @@ built with, which take half a second to make.
 """
 
 import ctypes
-import platform
 import sys
 from collections.abc import Iterable
 from functools import cache
-from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 import numpy as np
 
 from .identity import ROOT, digest, kernel_identity, result_sources, source_identity
+from .processor import level, machine
 
-_X86 = {
-    "x86-64-v4": ("AVX512F", "AVX512BW", "AVX512CD", "AVX512DQ", "AVX512VL"),
-    "x86-64-v3": ("AVX2", "FMA3"),
-    "x86-64": (),
-}
-"""Levels, the best one first, and the instructions that tell them by NumPy's names."""
-ARM = "arm64"
 ABOUT = "_about"
 """End of the name of a kernel's text: the formats of its results, a line with its identity."""
 POINTER = "pointer_to_"
@@ -32,30 +24,9 @@ POINTER = "pointer_to_"
 BUILT = "built_by"
 SOURCES = "sources"
 _HOW_TO_BUILD = "in the source folder `python -m pip install .`, or `make install`, builds them"
-_COMPILER = tuple(f"raytrace/kernel/{name}.py" for name in ("compiler", "words", "lanes"))
+_COMPILER = tuple(f"raytrace/kernel/{name}.py" for name in ("compiler", "lanes"))
 _pointers: dict[str, ctypes.c_void_p] = {}
 _compares = [(ROOT / "pyproject.toml").is_file()]  # whether sources may be others than the library was built of
-
-
-@cache
-def level() -> str:
-    """The best level of processors that this machine has, such as "x86-64-v3"."""
-    if platform.machine().lower() in ("arm64", "aarch64"):
-        return ARM
-    features = cpu_features()
-    return next(name for name, needed in _X86.items() if features.issuperset(needed))
-
-
-@cache
-def cpu_features() -> frozenset[str]:
-    """The instructions that this machine's processor has, by NumPy's names."""
-    numpys = import_module("numpy._core._multiarray_umath")
-    return frozenset(name for name, has in numpys.__cpu_features__.items() if has)
-
-
-def levels() -> tuple[str, ...]:
-    """The levels that a package for this kind of machine is built for."""
-    return (ARM,) if level() == ARM else tuple(dict.fromkeys(("x86-64-v3", "x86-64-v4", level())))
 
 
 def file_of(level: str) -> Path:
@@ -163,7 +134,4 @@ def what_is_missing(kernel: str) -> str:
     if _library():
         advice = "Numba compiles what is not in it: `python -m pip install 'obscurance[develop]'`"
         return f"{kernel}: expected a kernel of the library that was built with the package; {advice}"
-    this_machine = f"{platform.system()} on {platform.machine()}, {level()}"
-    if level() == "x86-64":
-        this_machine += ", below x86-64-v3 (AVX2, FMA)"
-    return f"kernels: expected those for this processor ({this_machine}), got none; {_HOW_TO_BUILD}"
+    return f"kernels: expected those for this processor ({machine()}), got none; {_HOW_TO_BUILD}"

@@ -1,7 +1,7 @@
 """Light from all around, of a sky or an image: what arrives at a surface, and what a glossy one mirrors of it.
 
 The image is filtered once: irradiance as spherical harmonics, and maps blurred for gloss. All of it is as I_a is: light
-that is L in every direction is L. Rows of skies are as `raytrace.lights.layout` has them.
+that is L in every direction is L. Rows of skies are as `raytrace.lights.kernels` has them.
 
 Source: Ramamoorthi & Hanrahan 2001, "An Efficient Representation for Irradiance Environment Maps".
 """
@@ -17,7 +17,7 @@ from ..image.read import read_image
 from ..kernel.jit import inline
 from ..kernel.vector import add, dot, load, scale, subtract, triple
 from ..types import Float32s, Float64s
-from .layout import GROUND, HORIZON, MAP_HEIGHT, MAP_SLOPE, MAP_WIDTH, MAPS, SKY_WIDTH, UP, ZENITH
+from .kernels import GROUND, HORIZON, MAP_HEIGHT, MAP_SLOPE, MAP_WIDTH, MAPS, SKY_WIDTH, UP, ZENITH
 from .sources import BaseLight, EnvironmentLight, SkyLight
 
 _NORMS = np.array([4, 4 / 3, 4 / 3, 4 / 3, 4 / 15, 4 / 15, 16 / 5, 4 / 15, 16 / 15]) * np.pi  # 1/c² of Y = c p

@@ -37,7 +37,23 @@ from ..system.parameters import (
     made_of,
 )
 from ..types import Float64s, Int64s
-from . import layout
+from .kernels import (
+    AMBIENT,
+    COS_HALF_ANGLE,
+    DIFFUSE,
+    DIRECTION,
+    DIRECTIONAL,
+    EXPONENT,
+    HALF_ANGLE,
+    INTENSITY,
+    INVERSE_RANGE,
+    POINT,
+    POSITION,
+    RADIAL,
+    RADIUS,
+    SPOT,
+    WIDTH,
+)
 
 
 class BaseLight(Parameters):
@@ -47,20 +63,20 @@ class BaseLight(Parameters):
 
 
 class LightSource(BaseLight):
-    """A light that kernels read as a row of `raytrace.lights.layout`."""
+    """A light that kernels read as a row of `raytrace.lights.kernels`."""
 
     kind: ClassVar[int]
 
     def pack(self) -> tuple[int, Float64s]:
         """The kind and row (WIDTH,) that `raytrace.lights.kernels` takes."""
-        row = np.zeros(layout.WIDTH)
+        row = np.zeros(WIDTH)
         self._write(row)
         return self.kind, row
 
     def _write(self, row: Float64s) -> None:
         """Fill in the columns of `row`, zeros (WIDTH,), that the light has."""
-        row[layout.INTENSITY : layout.INTENSITY + 3] = self.intensity
-        row[layout.DIFFUSE :] = 1.0
+        row[INTENSITY : INTENSITY + 3] = self.intensity
+        row[DIFFUSE:] = 1.0
 
 
 class _Directed(LightSource):
@@ -78,8 +94,8 @@ class _Directed(LightSource):
         """Intensity is the brightest of both terms' colours, and DIFFUSE their ratios to it."""
         colours = [self.intensity if colour is None else colour for colour in (self.diffuse, self.specular)]
         brightest = np.max(colours, axis=0)
-        row[layout.INTENSITY : layout.INTENSITY + 3] = brightest
-        row[layout.DIFFUSE :] = np.divide(colours, brightest, out=np.ones((2, 3)), where=brightest > 0).ravel()
+        row[INTENSITY : INTENSITY + 3] = brightest
+        row[DIFFUSE:] = np.divide(colours, brightest, out=np.ones((2, 3)), where=brightest > 0).ravel()
 
 
 class _Local(_Directed):
@@ -96,10 +112,10 @@ class _Local(_Directed):
 
     def _write(self, row: Float64s) -> None:
         super()._write(row)
-        row[layout.POSITION : layout.POSITION + 3] = self.position
-        row[layout.RADIAL : layout.RADIAL + 3] = self.attenuation
-        row[layout.RADIUS] = self.radius
-        row[layout.INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
+        row[POSITION : POSITION + 3] = self.position
+        row[RADIAL : RADIAL + 3] = self.attenuation
+        row[RADIUS] = self.radius
+        row[INVERSE_RANGE] = 0.0 if self.range is None else 1.0 / self.range
 
     def check(self) -> None:
         """Check that some coefficient of the attenuation is above 0. Raises: OptionError."""
@@ -111,24 +127,24 @@ class PointLight(_Local):
     """Sends the same intensity in all directions."""
 
     light: Literal["point"] = "point"
-    kind: ClassVar[int] = layout.POINT
+    kind: ClassVar[int] = POINT
 
 
 class SpotLight(_Local):
     """A point light within `half_angle` (degrees, in (0, 90]) of `direction`, times cos^exponent of the angle."""
 
     light: Literal["spot"] = "spot"
-    kind: ClassVar[int] = layout.SPOT
+    kind: ClassVar[int] = SPOT
     direction: Direction
     half_angle: HalfAngle
     exponent: NonNegative = 0.0
 
     def _write(self, row: Float64s) -> None:
         super()._write(row)
-        row[layout.DIRECTION : layout.DIRECTION + 3] = normalize(np.array(self.direction))
+        row[DIRECTION : DIRECTION + 3] = normalize(np.array(self.direction))
         angle = radians(self.half_angle)
-        row[layout.COS_HALF_ANGLE], row[layout.HALF_ANGLE] = max(0.0, cos(angle)), angle
-        row[layout.EXPONENT] = self.exponent
+        row[COS_HALF_ANGLE], row[HALF_ANGLE] = max(0.0, cos(angle)), angle
+        row[EXPONENT] = self.exponent
 
 
 class DirectionalLight(_Directed):
@@ -138,21 +154,21 @@ class DirectionalLight(_Directed):
     """
 
     light: Literal["directional"] = "directional"
-    kind: ClassVar[int] = layout.DIRECTIONAL
+    kind: ClassVar[int] = DIRECTIONAL
     direction: Direction
     angle: Diameter = 0.0
 
     def _write(self, row: Float64s) -> None:
         super()._write(row)
-        row[layout.RADIUS] = tan(radians(self.angle / 2))
-        row[layout.DIRECTION : layout.DIRECTION + 3] = normalize(np.array(self.direction))
+        row[RADIUS] = tan(radians(self.angle / 2))
+        row[DIRECTION : DIRECTION + 3] = normalize(np.array(self.direction))
 
 
 class AmbientLight(LightSource):
     """I_a: the same from everywhere, reflected as k_a I_a."""
 
     light: Literal["ambient"] = "ambient"
-    kind: ClassVar[int] = layout.AMBIENT
+    kind: ClassVar[int] = AMBIENT
 
 
 def _path(value: Any) -> Any:
@@ -227,7 +243,7 @@ def pack_lights(lights: Sequence[LightSource]) -> tuple[Int64s, Float64s]:
     """Kinds (k,) int64 and rows (k, WIDTH) float64 of lights, and behind them of what these add to ambient light."""
     ambient = [AmbientLight(intensity=directed.ambient) for directed in lights if isinstance(directed, _Directed)]
     packed = [light.pack() for light in (*lights, *(directed for directed in ambient if any(directed.intensity)))]
-    light_rows = np.array([row for _, row in packed], np.float64).reshape(-1, layout.WIDTH)
+    light_rows = np.array([row for _, row in packed], np.float64).reshape(-1, WIDTH)
     return np.array([kind for kind, _ in packed], np.int64), light_rows
 
 

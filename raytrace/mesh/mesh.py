@@ -11,13 +11,25 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import MeshError
+from ..errors import MeshError, OptionError
 from ..system.parallel import each
 from ..types import Bools, Float64s, Int64Rows, Int64s
 from .opacity import Opacity
 from .smallest_ball import smallest_ball
-from .up import UP
 
+Vector = tuple[float, float, float]
+
+TO_Y_UP: dict[str, tuple[Vector, Vector, Vector]] = {
+    "x": ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)),
+    "y": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "z": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
+    "-x": ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+    "-y": ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
+    "-z": ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)),
+}
+"""Rows of the rotation that turns each axis to y; of z it is that of −90° about x."""
+UP = {name: axes[1] for name, axes in TO_Y_UP.items()}
+"""The axes that may be up, by their names."""
 LARGEST = 5e153  # squares of coordinates and their differences don't overflow
 
 
@@ -256,3 +268,13 @@ def _triangles(meshio_mesh: Any, source: str) -> Int64s:
             turned = np.where(folds[:, None], np.roll(block.data, -1, axis=1), block.data)
             triangles[row] = turned[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3)
     return np.concatenate(triangles).astype(np.int64)
+
+
+def up_axis(mesh: Any, up: str | None = None) -> str:
+    """The axis `up`, or else the one that is up in a `Mesh`, y if that does not say.
+
+    Raises: OptionError: `up` is none of `UP`.
+    """
+    if up is not None and up not in UP:
+        raise OptionError("up", "one of " + ", ".join(UP), up)
+    return up or mesh.up or "y"

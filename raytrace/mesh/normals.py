@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..kernel.counting_sort import counting_sort
+from ..kernel.arrays import counting_sort
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
 from ..system.parallel import each, parallel

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..kernel.counting_sort import counting_sort
+from ..kernel.arrays import counting_sort
 from ..kernel.jit import kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
 from ..system.parallel import each

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..kernel.counting_sort import counting_sort
+from ..kernel.arrays import counting_sort
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import compare_and_swap
 from ..system.parallel import each, parallel

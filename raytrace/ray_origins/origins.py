@@ -1,6 +1,10 @@
 """Ray origins: in front of everything that meets at a point, beyond rounding errors, and short of the next face.
 
 Coincident vertices are one point, with an origin in front of the faces of all of them.
+
+A face's front is on the side from which the corners run anticlockwise, wherever an axis points: the underside of a ball
+is no front of its inside because an axis is up. But where axes are given, a whole patch that looks away from them is
+wound the wrong way round.
 """
 
 from __future__ import annotations
@@ -16,17 +20,16 @@ from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, dot, load, load_triangle, scale, subtract
 from ..mesh.normals import Weighting, face_normals, nonzero, normalize, vertex_sums
 from ..mesh.placement import LEAST, TOUCHING, ULP
-from ..mesh.weld import CREASE, sum_groups, weld
+from ..mesh.weld import CREASE, coincident, connected_components, sum_groups, weld
 from ..system.parallel import each
 from ..types import Bools, Float64Rows, Float64s, Int64s
-from .clearance import SHARP, least_cosines, outermost_normals
-from .direction import resolve_contacts
-from .fronts import AWAY, wound_away
+from .direction import SHARP, least_cosines, outermost_normals, resolve_contacts
 from .surface import Contacts, Surface, find_contacts
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
 _BLURRED = 5.0  # offsets within which rounding has a say in what a point sees of a face, and where faces are looked for
 _LEAST, _NEAR = 0.25, 1.0 / 64.0  # of an offset and of the shortest edge, to which offsets in folds are cut
+AWAY = -0.7  # mean cosine between normals and axes, below which faces are wound the wrong way round
 
 
 def ray_origins(
@@ -182,7 +185,7 @@ class WeldedPoints(NamedTuple):
         axes: float64 (k, 3), means of the faces' normals, unit or zero, moved in front of all the point's faces where
             there is a way.
         moved: bool (k,), those that are.
-        directions: float64 (k, 3), to offset ray origins along, see `raytrace.ray_origins.clearance`.
+        directions: float64 (k, 3), to offset ray origins along, see `raytrace.ray_origins.direction`.
         clearance: float64 (k,), least cosine between the direction and the faces' normals.
     """
 
@@ -271,3 +274,34 @@ def weld_points(
     return WeldedPoints(
         group, first_vertices, faces, face_normal, face_points, backwards, axes, moved, directions, clearance
     )
+
+
+def wound_away(vertices: Float64s, faces: Int64s, normals: Float64s, areas: Float64s, axes: Float64s) -> Bools:
+    """Which faces (m,) are of patches whose normals look away from the `axes` (n, 3), unit or zero, of their vertices.
+
+    A patch hangs together by edges that two faces run along in opposite ways, wherever their vertices are stored.
+
+    Args: faces: (m, 3), none degenerate. normals: (m, 3), unit. areas: (m,).
+    """
+    corner_axes = axes[faces]
+    along = areas * np.einsum("fi,fci->f", normals, corner_axes)
+    if not (along < 0).any():
+        return np.zeros(len(faces), np.bool_)
+    patch = connected_components(_facing_pairs(coincident(vertices.astype(np.float32), faces)[faces]), len(faces))
+    weights = areas * corner_axes.any(axis=2).sum(axis=1)
+    away = np.bincount(patch, along) < AWAY * np.bincount(patch, weights)
+    return np.asarray(away[patch])
+
+
+def _facing_pairs(corners: Int64s) -> Int64s:
+    """Pairs (j, 2) that connect the faces (m, 3) at each edge along which some run one way and some the other."""
+    starts = corners.ravel()
+    ends = corners[:, [1, 2, 0]].ravel()
+    low, high = np.minimum(starts, ends), np.maximum(starts, ends)
+    order = np.lexsort((high, low))
+    is_new = np.diff(low[order], prepend=-1).astype(np.bool_) | np.diff(high[order], prepend=-1).astype(np.bool_)
+    edge = np.cumsum(is_new) - 1
+    ascending = np.bincount(edge, (starts < ends)[order])
+    both_ways = (ascending > 0) & (ascending < np.bincount(edge))
+    later = np.flatnonzero(~is_new & both_ways[edge])
+    return np.stack([order[later - 1], order[later]], axis=1) // 3

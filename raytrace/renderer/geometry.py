@@ -9,13 +9,11 @@ from weakref import WeakValueDictionary
 import numpy as np
 import numpy.typing as npt
 
-from ..brdf.layout import ALPHA, TWO_SIDED
-from ..brdf.material import pack_materials
+from ..brdf.material import ALPHA, TWO_SIDED, pack_materials
 from ..bvh.bvh16 import BVH16
-from ..embree.scene import EmbreeInstance, EmbreeScene, Triangles, TriangleScene
+from ..embree import EmbreeInstance, EmbreeScene, Triangles, TriangleScene
 from ..image.texture import Texture
 from ..kernel.arrays import aligned, product
-from ..materials.alpha_filter import filter_hits
 from ..mesh.mesh import Mesh
 from ..mesh.normals import normalize, smooth_normals
 from ..mesh.opacity import Opacity, PackedOpacity
@@ -23,6 +21,7 @@ from ..mesh.placement import Placement, RenderSpace, sample, to_single
 from ..ray_origins.origins import weld_points
 from ..scene import Object, Shape
 from ..settings import Normals
+from ..shade.alpha_filter import filter_hits
 from ..shade.layout import Geometry
 from ..shade.shaft_culling import SLACK, cluster, merged, pack_boxes
 from ..types import AnyFloats, Bools, Float32s, Float64s, Int64s
@@ -62,7 +61,7 @@ class BuiltGeometry:
 
     @cached_property
     def hit_filter(self) -> tuple[int, Int64s] | None:
-        """`raytrace.materials.alpha_filter.filter_hits` for `new_packet`, None where all is opaque."""
+        """`raytrace.shade.alpha_filter.filter_hits` for `new_packet`, None where all is opaque."""
         of = self.arrays
         return self.opacity and filter_hits.callback(self.opacity, of.first_face, of.materials)
 

@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernel.counting_sort import counting_sort
+from ..kernel.arrays import counting_sort
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, cross, dot, load, load_triangle, scale, store, subtract, unit
-from ..sampling.sequences import hash32
+from ..sampling import hash32
 from ..types import Float32Rows, Float32s, Float64Rows, Int32Rows, Int32s, Int64Rows, Int64s
 
 _TURNED = 1e-5  # of twice a polygon's area: a triangle turned over by more than this is one of a fold

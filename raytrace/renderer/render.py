@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 
 from ..camera import Camera
-from ..embree.packets import new_packet
+from ..embree import new_packet
 from ..errors import OptionError, check_type
-from ..image.encode import LAYERS
+from ..image.formats import LAYERS
 from ..image.frame import Frame
 from ..image.texture import texture_bytes
 from ..kernel.simd import WIDE
@@ -47,7 +47,7 @@ def render(
     """Cast rays, light what they hit, and return the picture.
 
     Args:
-        layers: make every layer of `raytrace.image.encode.LAYERS`; False: beauty alone, a sixth of the memory.
+        layers: make every layer of `raytrace.image.formats.LAYERS`; False: beauty alone, a sixth of the memory.
         threads: None for all cores; the picture is the same bits for any number.
         progress: called with (tiles done, tiles in all).
 

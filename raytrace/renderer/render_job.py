@@ -7,10 +7,10 @@ from typing import get_args
 
 import numpy as np
 
-from ..brdf.layout import TWO_SIDED
+from ..brdf.material import TWO_SIDED
 from ..camera import Camera
-from ..embree.packets import new_packet
-from ..image.encode import LAYERS
+from ..embree import new_packet
+from ..image.formats import LAYERS
 from ..image.frame import Frame
 from ..image.texture import LazyTextures
 from ..kernel.arrays import aligned

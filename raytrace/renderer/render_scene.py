@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..kernel.arrays import aligned
-from ..lights import layout as light_rows
+from ..lights import kernels as light_rows
 from ..lights.environment import pack_environment
 from ..lights.kernels import incident
 from ..lights.sources import BaseLight, LightSource, pack_lights

@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..camera import Camera
-from ..embree.packets import DIR_X, ORG_X, TFAR, TNEAR
+from ..embree import DIR_X, ORG_X, TFAR, TNEAR
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, pick, replace, single, store_row
 from ..kernel.vector import add, dot, scale, triple, unit
-from ..sampling.sequences import hash32, hash32_array, owen_sobol, seed_key, shuffled_owen_sobol
+from ..sampling import hash32, hash32_array, owen_sobol, seed_key, shuffled_owen_sobol
 from ..settings import Settings
 from ..types import Float64Grid, Float64s
 from .layout import DISC

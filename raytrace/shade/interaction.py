@@ -2,15 +2,23 @@
 
 All of it sixteen points at a time, in lanes; a whole call is about one object. Polygons of more than three corners are
 lit once under constant shading, else interpolated over as wholes.
+
+Over a triangle u and v, a hit's barycentrics as Embree gives them, weigh corners 1 and 2, and 1 − u − v weighs corner
+0. A normal that does not exist is the zero vector, which reflects nothing.
+
+- constant: light `centroid` with the face's own normal once, for the whole face;
+- Gouraud 1971: light the corners, then `interpolate` their colours;
+- Phong 1975: light the hit with `phong_normal`;
+- quadratic, van Overveld & Wyvill 1997: light the hit with `quadratic_normal`, which turns where linear
+  interpolation stays flat.
 """
 
 from typing import Any, NamedTuple
 
-from ..brdf.layout import BRUSHED, TO_LIGHT, TWO_SIDED
+from ..brdf.material import BRUSHED, TO_LIGHT, TWO_SIDED
 from ..kernel.jit import inline
 from ..kernel.simd import bits, double, gather, gather3, load_row, lowest_bit, pick, select, single, some
 from ..kernel.vector import add, choose, cross, dot, length, scale, subtract, triple, unit
-from ..mesh.interpolation import centroid, interpolate, phong_normal, quadratic_normal
 from ..mesh.placement import ULP
 from ..ray_origins.origins import OFFSET_ULPS
 from . import layout
@@ -346,3 +354,41 @@ def polygon_light(packet, scene, item, mask, hits, first_row):
         edge = select(left, edge + 1, edge)
     for column in range(width):
         store1(packet, lighting_column(column), hit, load_row(packet, lighting_column(column)) / total)
+
+
+@inline
+def interpolate(a0, a1, a2, u, v):
+    """(1 − u − v) a0 + u a1 + v a2: positions, colours, texture coordinates."""
+    return add(add(scale(1.0 - u - v, a0), scale(u, a1)), scale(v, a2))
+
+
+@inline
+def centroid(p0, p1, p2):
+    """The point at which a constantly shaded face is lit."""
+    return scale(1.0 / 3.0, add(add(p0, p1), p2))
+
+
+@inline
+def phong_normal(n0, n1, n2, u, v):
+    """Linear interpolation of unit normals, renormalised."""
+    return unit(interpolate(n0, n1, n2, u, v))
+
+
+@inline
+def edge_term(p0, p1, n0, n1):
+    """n_ij = n_i + n_j − a_ij, where a = 3((n_i + n_j)·w)/(w·w) w makes ∫ n(s)·w ds = 0 along the edge w."""
+    total = add(n0, n1)
+    w = subtract(p1, p0)
+    length2 = dot(w, w)
+    return subtract(total, scale(select(length2 > 0.0, 3.0 * dot(total, w) / length2, 0.0), w))
+
+
+@inline
+def quadratic_normal(p0, p1, p2, n0, n1, n2, u, v):
+    """n = Σ n_i λ_i² + Σ_{i<j} n_ij λ_i λ_j, renormalised; on an edge it is n0 + b s + a s² of the paper."""
+    t = 1.0 - u - v
+    squares = add(add(scale(t * t, n0), scale(u * u, n1)), scale(v * v, n2))
+    along_first = edge_term(p0, p1, n0, n1)
+    second = edge_term(p1, p2, n1, n2)
+    third = edge_term(p0, p2, n0, n2)
+    return unit(add(add(squares, scale(t * u, along_first)), add(scale(u * v, second), scale(t * v, third))))

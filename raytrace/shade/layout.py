@@ -1,14 +1,14 @@
 """What kernels of shading read and write: packets of points, a scene, options, a thread's memory, the film.
 
 A packet is a float32 array (WIDTH, 16) of sixteen points; its first `FILM` rows are the layers of
-`raytrace.image.encode`. Positions are in render space. Shapes: o objects, v vertices and f faces of their shapes.
+`raytrace.image.formats`. Positions are in render space. Shapes: o objects, v vertices and f faces of their shapes.
 """
 
 from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..image.texture_lookup import PackedTextures
+from ..image.texture import PackedTextures
 from ..kernel.jit import inline
 from ..kernel.simd import load_row, select, store_row
 from ..types import (
@@ -107,8 +107,8 @@ class Geometry(NamedTuple):
     occlusion: Int64s
     grain: Int64s
     strength: Float64s  # (o,), of `occlusion`
-    kinds: Int64s  # (o,), of materials packed as `raytrace.brdf.layout` has them
-    materials: Float64Rows  # (o, …), see `raytrace.brdf.layout`
+    kinds: Int64s  # (o,), of materials packed as `raytrace.brdf.material` has them
+    materials: Float64Rows  # (o, …), see `raytrace.brdf.material`
     boxes: Float32Grid  # around all that casts shadows, of `raytrace.shade.shaft_culling.pack_boxes`
     layered: bool  # whether light passes some of the surfaces
 
@@ -117,7 +117,7 @@ class Lights(NamedTuple):
     """Packed lights in render space."""
 
     kinds: Int64s  # (k,), of lights that come from somewhere
-    parameters: Float64Rows  # (k, …), see `raytrace.lights.layout`
+    parameters: Float64Rows  # (k, …), see `raytrace.lights.kernels`
     ambient: Float64s  # (3,), the sum of ambient lights
     skies: Float64Rows  # (s, SKY_WIDTH), gradients
     harmonics: Float64Rows  # (9, 3), of an image, or (0, 3)
@@ -152,7 +152,7 @@ class Style(NamedTuple):
 class Scratch(NamedTuple):
     """Memory that one thread works with."""
 
-    rays: Float32Rows  # sixteen rays, of `raytrace.embree.packets.new_packet`
+    rays: Float32Rows  # sixteen rays, of `raytrace.embree.new_packet`
     valid: Int32s
     points: Float32Grid  # (packets, WIDTH, 16), points to be lit
     items: Int32Rows  # (packets, 16), rows of their objects, −1 for none

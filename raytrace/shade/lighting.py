@@ -13,14 +13,13 @@ from math import acos
 import numpy as np
 
 from ..brdf.dispatch import terms_in_lanes
-from ..brdf.layout import AMBIENT, EMISSION, GLOSS, GRAZING, SLOPE
+from ..brdf.material import AMBIENT, EMISSION, GLOSS, GRAZING, SLOPE
 from ..brdf.microfacet import fifth
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, count, highest, lane_numbers, load_row, lowest, pick, select, some, store_row
 from ..kernel.vector import add, choose, dot, mirror, multiply, scale, subtract, triple, unit
 from ..lights.environment import cone_visibility, harmonic_irradiance, map_radiance, sky_irradiance, sky_radiance
-from ..lights.kernels import cannot_matter_in, incident, towards, towards_disc
-from ..lights.layout import DIFFUSE, RADIUS, SPECULAR
+from ..lights.kernels import DIFFUSE, RADIUS, SPECULAR, cannot_matter_in, incident, towards, towards_disc
 from . import layout
 from .interaction import CONSTANT, FLAT, next_object
 from .layout import BEHIND, BLACK, BOOK, CULLED, OFF, UNOBSTRUCTED, UNREACHED, load3, store3

@@ -16,7 +16,7 @@ from ..kernel.arrays import aligned
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, load_row, select, some
 from ..kernel.vector import add, scale, subtract, triple
-from ..lights.layout import DIRECTION, DIRECTIONAL, POSITION, RADIUS
+from ..lights.kernels import DIRECTION, DIRECTIONAL, POSITION, RADIUS
 from ..mesh.placement import NEAR
 from ..types import Float32Grid, Float32Rows, Float32s, Float64s, Int64Rows, Int64s
 

@@ -4,13 +4,12 @@ from math import sqrt
 
 import numpy as np
 
-from ..image.texture_lookup import sample_texture
+from ..image.texture import sample_texture
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, gather, gather3, lane_numbers, load_row, pick, replace, select, single
 from ..kernel.vector import add, cross, dot, multiply, perpendicular, scale
-from ..mesh.interpolation import interpolate
 from .camera_rays import pixel_width
-from .interaction import between, corner_rows, doubled, edges, rounded, tangents
+from .interaction import between, corner_rows, doubled, edges, interpolate, rounded, tangents
 from .layout import ALBEDO_MAP, NORMAL, OCCLUSION, TANGENT, W, load3, store1, store3
 
 NOWHERE = 1e-4  # squared length of a direction: 8 bits have no exact zero

@@ -7,15 +7,15 @@ disagree are taken up again then.
 
 import numpy as np
 
-from ..brdf.layout import ALPHA, MODEL
-from ..embree.packets import DIR_X, TNEAR
+from ..brdf.material import ALPHA, MODEL
+from ..embree import DIR_X, TNEAR
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, count, double, gather, lane_numbers, load_row, pick, select, single, some, store_row
 from ..kernel.vector import multiply, scale, triple
-from ..lights.layout import RADIUS
-from ..materials.alpha_filter import MET_ALPHA, STEP
+from ..lights.kernels import RADIUS
 from ..types import Bools
 from . import layout
+from .alpha_filter import MET_ALPHA, STEP
 from .camera_rays import View, aim, write_discs
 from .film import (
     BITS,

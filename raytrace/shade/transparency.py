@@ -1,19 +1,18 @@
 """Surfaces that let light through: what of it passes them, and what is seen behind them.
 
-Embree calls `raytrace.materials.alpha_filter` at each hit: a shadow ray is traced once, a viewing ray once for each
-layer that it sees. It goes on `STEP` behind it: surfaces nearer together than that, and triangles that meet in an edge,
-count once.
+Embree calls `raytrace.shade.alpha_filter` at each hit: a shadow ray is traced once, a viewing ray once for each layer
+that it sees. It goes on `STEP` behind it: surfaces nearer together than that, and triangles that meet in an edge, count
+once.
 """
 
 import numpy as np
 
-from ..embree.packets import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, TNEAR, U, V, intersect16, occluded16
+from ..embree import DIR_X, GEOM_ID, INST_ID, ORG_X, PRIM_ID, TFAR, TNEAR, U, V, intersect16, occluded16
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, count, lane_numbers, load_row, pick, select, some, store_row
-from ..materials import alpha_filter
-from ..materials.alpha_filter import LEAST, STEP
 from ..types import Bools, Float32Rows, Int32s
-from . import layout
+from . import alpha_filter, layout
+from .alpha_filter import LEAST, STEP
 from .camera_rays import View, aim
 from .layout import BEGIN, COVER, NEXT, SHADOW_RAYS, TRANSMITTANCE, Geometry
 

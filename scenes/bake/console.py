@@ -122,7 +122,7 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
 
     Args: falloff: that is relative to the radius of the last of the meshes, perhaps.
     """
-    from obscurance.raytrace.mesh.precision import outlier_warnings, precision_warnings
+    from obscurance.raytrace.mesh.warnings import outlier_warnings, precision_warnings
 
     distinct = {id(mesh): mesh for mesh in meshes}.values()
     warnings = list(dict.fromkeys(warning for mesh in distinct for warning in precision_warnings(mesh)))

@@ -12,6 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from obscurance import ao
 from obscurance.raytrace.errors import ConflictError, OptionError
 from obscurance.raytrace.system.checks import make_folder
@@ -19,6 +21,7 @@ from obscurance.raytrace.system.checks import make_folder
 from ..formats.load import MeshFile, load
 from ..formats.objects import ObjectSelection, match, select_objects
 from ..formats.table import endings
+from ..geometry.instances import with_sides
 from ..show.progress import progress
 
 if TYPE_CHECKING:
@@ -26,6 +29,9 @@ if TYPE_CHECKING:
 
     from .pages import Layout
     from .plan import Plan
+
+
+_FAR = 100.0  # radii, from which on an occluder hardly counts
 
 
 class BakeInputs(NamedTuple):
@@ -80,6 +86,12 @@ def opened(mesh: Any, **how: Any) -> MeshFile:
     return file._replace(mesh=whole.reversed() if how.get("flip") else whole)
 
 
+def _beside(source: MeshFile, mesh: Any, **how: Any) -> MeshFile:
+    """`opened`, in the frame of the input; arrays, which are no file's, are in that of its vertices."""
+    file = opened(mesh, **how)
+    return file.in_frame_of(source) if isinstance(mesh, str | os.PathLike | MeshFile) else file
+
+
 def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) -> BakeInputs:
     """Read the files of a plan. Args: content: of the input, if it is no file's. source: the input, if in memory.
 
@@ -109,16 +121,18 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
 
         layout = Layout.of(plan, source, chosen)
     with reading():
-        high = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.high or ()]
-        walls = [opened(mesh, alpha=alpha, names=options.match_names) for mesh in options.occluder or ()]
-        cage = [load(options.cage)] if isinstance(options.cage, Path) else []
+        high, walls, cage = (
+            [_beside(source, mesh, alpha=alpha, names=options.match_names) for mesh in meshes or ()]
+            for meshes in (options.high, options.occluder, [options.cage] if isinstance(options.cage, Path) else [])
+        )
     fine = None
     if high:
         from obscurance.ao.points.occluders import joined
 
         fine = joined([file.mesh for file in high], all_normals=True)
     # What occludes besides.
-    occluders = [file.mesh for file in walls]
+    low = float(source.mesh.vertices[:, 2].min())
+    occluders = [file.mesh if file.to_system is None else with_sides(file.mesh, low) for file in walls]
     if options.ground:
         occluders.append(ao.ground(chosen.mesh, plan.ground))
     arguments: dict[str, Any] = {"high": fine, "occluders": occluders}
@@ -133,9 +147,12 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
         size = wall.mesh.radius / (source.mesh.radius or 1.0)
         if not 1e-3 < size < 1e3:
             notes.append(f"{wall.mesh.source}: its radius is {size:.2g} of the mesh's: is its unit another?")
+        away = np.linalg.norm(wall.mesh.centre - source.mesh.centre) / (wall.mesh.radius + source.mesh.radius or 1.0)
+        if away > _FAR:
+            notes.append(f"{wall.mesh.source}: it lies {away:.2g} radii away: is its reference system another?")
     shown = any(path.suffix.lower() in (".html", ".glb") for path in (plan.output, options.report) if path)
     if options.ground or options.debug_image or shown:
-        from ..geometry.standing import lying_notes
+        from obscurance.raytrace.mesh.warnings import lying_notes
 
         notes += lying_notes(source.mesh)
     paths = [path for file in files for path in file.files]

@@ -11,7 +11,8 @@ from obscurance.raytrace.errors import InputError
 from obscurance.raytrace.system.atomic import write_json
 from obscurance.raytrace.system.checks import check_regular
 from obscurance.raytrace.system.records import Fault, read
-from obscurance.raytrace.text.strict_json import parse_json
+
+from ..json_toml import parse_json
 
 MANIFEST = "manifest.json"
 VERSION = 1

@@ -19,14 +19,14 @@ from obscurance import ao
 from obscurance.ao.texture.coverage import reaches_into_page, shared_texels
 from obscurance.ao.texture.uv_layout import UVLayout, have_area, on_page
 from obscurance.raytrace.errors import MeshError, OptionError, first_names
-from obscurance.raytrace.sampling.sequences import hash32_array
+from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.system.checks import check_outputs
-from obscurance.raytrace.text.safe_paths import file_words
 from obscurance.raytrace.types import Bools, Float64s
 
 from ..formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
 from ..formats.load import MeshFile
 from ..formats.primitive_groups import PrimitiveGroup, primitive_groups
+from ..safe_paths import file_words
 from ..show.progress import progress
 from .uv import Coordinates, coordinates
 

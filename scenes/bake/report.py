@@ -101,7 +101,8 @@ def saved_options(path: Path) -> dict[str, Any]:
 
     from obscurance.ao.report import SCHEMA_VERSION
     from obscurance.raytrace.system.checks import check_regular
-    from obscurance.raytrace.text.strict_json import parse_json
+
+    from ..json_toml import parse_json
 
     check_regular(path, "the report of a bake")
     try:

@@ -8,8 +8,8 @@ from obscurance.ao.points.receivers import Flag, find_receivers
 from obscurance.raytrace.errors import printable
 from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.mesh.precision import outlier_warnings, precision_warnings
 from obscurance.raytrace.mesh.solids import inward_warnings
+from obscurance.raytrace.mesh.warnings import outlier_warnings, precision_warnings
 from obscurance.raytrace.types import Float64s
 
 from ..formats.gltf.occlusion import is_ramp, occlusion_reference

@@ -19,7 +19,7 @@ from obscurance.raytrace.types import Bools, Float64s, Int64s
 from ..formats.gltf.textured import check_vertices
 from ..formats.load import MeshFile, load, parser_errors
 from ..formats.ply.write import bare_ply
-from ..formats.stl.read import TRIANGLE
+from ..formats.stl import TRIANGLE
 from ..show.progress import progress
 
 if TYPE_CHECKING:

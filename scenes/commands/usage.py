@@ -91,7 +91,7 @@ def _line(subject: str, expected: str, got: object, near: str | None, command: A
 
 def _file_meant(missing: Path) -> str:
     """The existing file, or built-in scene, whose name differs from a missing file's by its ending."""
-    from ..library.catalogue import BUILTIN
+    from ..library import BUILTIN
 
     if missing.name in BUILTIN:
         return f"; obscurance scenes {missing.name} -o {missing.name}.toml writes that built-in scene"

@@ -10,7 +10,7 @@ from obscurance.ao.options import Options
 from obscurance.raytrace import Camera, Lambert, Mesh, Scene, Settings
 from obscurance.raytrace.errors import OptionError, nearest_name
 from obscurance.raytrace.lights.sources import AmbientLight, BaseLight, DirectionalLight
-from obscurance.raytrace.mesh.up import TO_Y_UP, UP, up_axis
+from obscurance.raytrace.mesh.mesh import TO_Y_UP, UP, up_axis
 from obscurance.raytrace.types import Int64s
 
 from ..formats.falloffs import Scales

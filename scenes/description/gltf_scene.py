@@ -49,22 +49,22 @@ from obscurance.raytrace import (
     light_from_dict,
     material_from_dict,
 )
+from obscurance.raytrace.brdf.presets import eta_from_reflectance
 from obscurance.raytrace.errors import InputError, printable
 from obscurance.raytrace.image.texture import texture_mean
 from obscurance.raytrace.lights.sources import BaseLight
-from obscurance.raytrace.materials.presets import eta_from_reflectance
 from obscurance.raytrace.mesh.normals import normalize
 from obscurance.raytrace.system.records import Record
-from obscurance.raytrace.text.field_errors import located
 from obscurance.raytrace.types import Float64s
 
 from ..formats.gltf import records
 from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry
-from ..formats.gltf.parse import parse
+from ..formats.gltf.records import parse
 from ..formats.gltf.textures import Textures, vertex_colours
 from ..formats.load import parser_errors, read_objects
 from ..geometry.instances import Instance
 from ..geometry.primitives import Origin
+from ..json_toml import located
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
 
 _FLOAT32_RIGHT_ANGLE = 1.5707964

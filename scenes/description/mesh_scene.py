@@ -11,12 +11,12 @@ import numpy as np
 
 from obscurance.raytrace import BlinnPhong, Lambert, Material, Object, Scene, Settings, Shape, Texture
 from obscurance.raytrace.mesh.corners import split_creases
+from obscurance.raytrace.mesh.warnings import lying_notes
 
 from ..formats.load import MeshFile
 from ..formats.objects import ObjectSelection
 from ..geometry.attributes import SourceMaterial
 from ..geometry.primitives import Origin
-from ..geometry.standing import lying_notes
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
 from .textured import colours_left_out, linear_colours
 

@@ -12,10 +12,10 @@ from obscurance.raytrace.errors import OptionError, SceneError
 from obscurance.raytrace.image.texture import wrap_modes
 from obscurance.raytrace.system.parameters import Radiance, triple
 from obscurance.raytrace.system.records import Before, Fault, Record, Within, Words, fields_of, read
-from obscurance.raytrace.text.field_errors import joined, shown
 from obscurance.raytrace.types import Float64s
 
-from ..geometry.rotations import about, about_axes
+from ..geometry.instances import rotation_about, rotation_about_axes
+from ..json_toml import joined, shown
 
 
 def _name_or_table(value: Any) -> Any:
@@ -102,9 +102,9 @@ class Transform(Table):
         if self.axis is not None and self.angle is not None:
             if not np.linalg.norm(self.axis) > 0:
                 raise fault("axis", "a vector other than zero", list(self.axis))
-            matrix[:3, :3] = about(self.axis, self.angle)
+            matrix[:3, :3] = rotation_about(self.axis, self.angle)
         if self.rotate is not None:
-            matrix[:3, :3] = about_axes(self.rotate)
+            matrix[:3, :3] = rotation_about_axes(self.rotate)
         if self.scale is not None:
             matrix[:3, :3] *= self.scale
             if not np.linalg.det(matrix[:3, :3]):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from obscurance.raytrace.errors import printable
-from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.mesh.corners import split_creases
 from obscurance.raytrace.types import Float64s
 

@@ -8,13 +8,13 @@ from typing import Any
 from obscurance.raytrace import PRESETS, AlphaSurface, Material, Object, Opacity, Shape, Texture, material_from_dict
 from obscurance.raytrace.errors import SceneError, nearest_name
 from obscurance.raytrace.system.records import fields_of
-from obscurance.raytrace.text.field_errors import check_keys, check_name, joined, located, shown
-from obscurance.raytrace.text.safe_paths import confined
 
 from ..formats.table import format_of
 from ..geometry.builtin_shapes import SOLIDS
 from ..geometry.instances import check_copies
 from ..geometry.primitives import Origin, TexturedMesh
+from ..json_toml import check_keys, check_name, joined, located, shown
+from ..safe_paths import confined
 from .description import NEUTRAL, WHITE
 from .schema import ObjectTable, Transform
 from .textured import read_mesh

@@ -11,15 +11,16 @@ import numpy as np
 
 from obscurance.ao.options import Options
 from obscurance.raytrace import Camera, Scene, Settings, light_from_dict
+from obscurance.raytrace.camera import FROM
 from obscurance.raytrace.errors import OptionError, SceneError
-from obscurance.raytrace.mesh.up import FROM, UP
+from obscurance.raytrace.mesh.mesh import UP
 from obscurance.raytrace.system.checks import check_regular
 from obscurance.raytrace.system.records import fields_of
-from obscurance.raytrace.text.field_errors import check_keys, located, shown
-from obscurance.raytrace.text.safe_paths import confined
 
 from ..formats.falloffs import Scales, make_falloff, make_scales, table_of
 from ..formats.stored_w import ENDINGS
+from ..json_toml import check_keys, located, shown
+from ..safe_paths import confined
 from .description import SceneDescription, Source, three_lights
 from .schema import CameraTable, Document, ObscuranceTable, parse_document
 from .toml_objects import ObjectReader, named_materials

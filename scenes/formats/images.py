@@ -72,8 +72,8 @@ def write_grey(
     profile: Profile | None = None,
 ) -> None:
     """Write w or its error (h, w), linear: PNG of 16 bits, or 8 dithered; EXR, with a profile as a layer, and TIFF."""
-    from obscurance.raytrace.image.dither import dithered
-    from obscurance.raytrace.image.encode import write_data  # OpenImageIO's side, which names and checks do not need
+    from obscurance.raytrace.image.colour import dithered
+    from obscurance.raytrace.image.write import write_data  # OpenImageIO's side, which names and checks do not need
 
     whole = values[:, :, None]
     layers: list[npt.NDArray[Any]] = [dithered(whole) if path.suffix.lower() == ".png" and bits == 8 else whole]
@@ -88,7 +88,7 @@ def write_grey(
 
 def write_normals(path: Path, normals: Float32s, half: bool, metadata: Mapping[str, str], bits: int) -> None:
     """Write unit vectors (h, w, 3): n in files of floats, (n + 1)/2 in PNG. Raises: OutputError."""
-    from obscurance.raytrace.image.encode import write_data
+    from obscurance.raytrace.image.write import write_data
 
     encoded = (normals + 1) / 2 if path.suffix.lower() == ".png" else normals
     write_data(path, encoded.astype(np.float32), metadata, half, "RGB", bits)

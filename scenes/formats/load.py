@@ -8,9 +8,10 @@ import sys
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -50,6 +51,7 @@ class MeshFile(NamedTuple):
         unread: what the file holds and the mesh lacks, in words, if a target was named.
         w: (n,) obscurance that a bake has left in the file, unchecked, or None. profile: of it, or None.
         cloud: points and normals (k, 3) of a file of points, of which `mesh` has the discs; or None.
+        to_system: (4, 4), of a raster, from the mesh to coordinates of its reference system; or None: they are these.
     """
 
     path: Path
@@ -62,6 +64,7 @@ class MeshFile(NamedTuple):
     w: Float64s | None = None
     profile: Profile | None = None
     cloud: tuple[Float64s, Float64s] | None = None
+    to_system: Float64s | None = None
 
     def __repr__(self) -> str:
         return f"<MeshFile {str(self.path)!r}: {self.mesh!r}, objects: {first_names(self.objects, 3)}>"
@@ -80,6 +83,15 @@ class MeshFile(NamedTuple):
             return tuple(part.name for part in self.parts)
         names = (*held.objects, "")
         return tuple(names[number] or self.parts[0].name for number in np.unique(held.object_of))
+
+    def in_frame_of(self, other: MeshFile) -> Self:
+        """The file with its mesh where it lies among the coordinates of another: of a raster, or of its system."""
+        if self.to_system is None and other.to_system is None:
+            return self
+        one, to = (np.eye(4) if file.to_system is None else file.to_system for file in (self, other))
+        matrix = np.linalg.solve(to, one)
+        vertices = self.mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        return self._replace(mesh=replace(self.mesh, vertices=vertices))
 
     @property
     def split(self) -> Mesh:
@@ -197,7 +209,8 @@ def load(
             raise OptionError("flip", "another mesh file than a glTF for a .glb, which keeps its faces", path)
         mesh = mesh.reversed()
         attributes = attributes and reversed_attributes(attributes)
-    return MeshFile(path, mesh, parts, asset, attributes, notes, unread, w, joined_profile(instances), cloud)
+    profile, to_system = joined_profile(instances), instances[0].to_system
+    return MeshFile(path, mesh, parts, asset, attributes, notes, unread, w, profile, cloud, to_system)
 
 
 def _cloud(instances: list[Instance], path: Path) -> tuple[list[Instance], tuple[Float64s, Float64s]]:

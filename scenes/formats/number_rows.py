@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from obscurance.raytrace.system.threads import run_blocks, thread_count
-from obscurance.raytrace.text.lines import read_rows
+from obscurance.raytrace.text import read_rows
 from obscurance.raytrace.types import Float64s, Int64s, UInt8s
 
 _END = re.compile(rb"[\r\n]")

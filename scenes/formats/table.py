@@ -1,11 +1,7 @@
-"""The registry of file formats: what reads and writes each, and what it holds. A format's folder registers it."""
+"""THE table of file formats: what reads and writes each, and what it holds."""
 
-import os
 import re
-from functools import cache
-from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
 from typing import BinaryIO, NamedTuple
 
 from obscurance.raytrace.system.atomic import PathName
@@ -57,21 +53,12 @@ _LIBRARIES = FileFormat("", "", "obscurance.scenes.formats.libraries:read_by_lib
 
 
 def register(*formats: FileFormat) -> None:
-    """Make formats known by their endings. Those in folders beside this file are found; others call this first."""
+    """Make formats known by their endings: those below, and those of other packages, which call this first."""
     _REGISTERED.update({row.ending: row for row in formats})
 
 
-@cache
-def _import_folders() -> None:
-    """Import the `__init__.py` of each format's folder, which registers it."""
-    for module in iter_modules([os.path.dirname(__file__)]):
-        if module.ispkg:
-            import_module(f"{__package__}.{module.name}")
-
-
 def formats() -> dict[str, FileFormat]:
-    """All formats by their endings, sorted, for they are registered in the order in which something imports them."""
-    _import_folders()
+    """All formats by their endings, sorted."""
     return dict(sorted(_REGISTERED.items()))
 
 
@@ -95,8 +82,67 @@ def sniffed_format(content: bytes | bytearray) -> str | None:
     return next((row.ending for row in formats().values() if row.begins and re.match(row.begins, content)), None)
 
 
-register(  # what no folder reads
+_DAE = "obscurance.scenes.formats.dae"
+_COLLADA = rb"(?s)(\xef\xbb\xbf)?\s*(<\?xml.*?\?>\s*)?(<!--.*?-->\s*)*<COLLADA\b"
+_READ_GLTF = "obscurance.scenes.formats.gltf.read:read_gltf"
+_READ_RASTER, _WRITE_RASTER = "obscurance.scenes.formats.raster:read_raster", "obscurance.scenes.formats.raster:raster"
+
+register(
+    FileFormat(
+        ".obj",
+        "OBJ",
+        read="obscurance.scenes.formats.obj.read:read_obj",
+        peak=9.0,
+        begins=rb"(\s*(#[^\n]*)?\n)*\s*(v|vn|vt|o|g|mtllib|usemtl|s)\s",
+        write="obscurance.scenes.formats.obj.write:obj",
+        holds=("source", "uv"),
+    ),
+    FileFormat(
+        ".ply",
+        "PLY",
+        read="obscurance.scenes.formats.ply.read:read_ply",
+        peak=7.5,
+        begins=rb"ply\r?\n",
+        write="obscurance.scenes.formats.ply.write:ply",
+        holds=("source", "w", "faces", "colors", "uv"),
+    ),
+    FileFormat(
+        ".glb",
+        "GLB",
+        read=_READ_GLTF,
+        peak=2.0,
+        begins=rb"glTF",
+        write="obscurance.scenes.formats.gltf.write:glb",
+        holds=("source", "w", "colors", "scene"),
+        unit=1.0,
+    ),
+    FileFormat(".gltf", "glTF", read=_READ_GLTF, peak=2.0, begins=rb"\s*\{", holds=("w", "scene"), unit=1.0),
+    FileFormat(
+        ".stl", "STL", read="obscurance.scenes.formats.stl:read_stl", peak=6.0, begins=rb"\s*solid\b.*\n\s*facet\b"
+    ),
+    FileFormat(
+        ".off", "OFF", read="obscurance.scenes.formats.off:read_off", peak=7.5, begins=rb"\s*(ST)?(C?N?4?n?)OFF\b"
+    ),
+    FileFormat(
+        ".3mf",
+        "3MF",
+        read="obscurance.scenes.formats.threemf:read_3mf",
+        peak=1.0,
+        begins=rb"PK\x03\x04",
+        unit="obscurance.scenes.formats.threemf:unit",
+    ),
+    FileFormat(".dae", "COLLADA", read=f"{_DAE}:read_dae", peak=22.0, begins=_COLLADA, unit=f"{_DAE}:unit"),
+    FileFormat(".zae", "COLLADA", read=f"{_DAE}:read_dae", peak=22.0),
+    FileFormat(".asc", "Esri ASCII grid", read=_READ_RASTER, peak=2.0, holds=("raster",), unit=1.0),
+    FileFormat(".tif", "GeoTIFF", read=_READ_RASTER, peak=2.0, write=_WRITE_RASTER, holds=("raster",), unit=1.0),
+    FileFormat(".tiff", "GeoTIFF", read=_READ_RASTER, peak=2.0, write=_WRITE_RASTER, holds=("raster",), unit=1.0),
+    FileFormat(
+        ".vtp",
+        "VTK",
+        write="obscurance.scenes.formats.vtp:vtp",
+        holds=("source",),
+    ),
     FileFormat(".npy", "NumPy", write="obscurance.scenes.formats.write:npy", holds=("w", "faces")),
     FileFormat(".npz", "NumPy", write="obscurance.scenes.formats.write:npz", holds=("w", "faces")),
-    FileFormat(".html", "HTML", write="obscurance.scenes.show.page.baked:html"),
+    FileFormat(".html", "HTML", write="obscurance.scenes.show.page.document:page_of_bake"),
 )

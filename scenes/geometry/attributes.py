@@ -50,7 +50,7 @@ def is_picture(path: Path) -> bool:
 
 def find_picture(name: str, folder: Path) -> Path | None:
     """The existing picture `name` in `folder` or below, or None: `resolve_inside` of PNG and JPEG files."""
-    from obscurance.raytrace.text.safe_paths import resolve_inside
+    from ..safe_paths import resolve_inside
 
     path = resolve_inside(name, folder)
     return path if path and is_picture(path) else None

@@ -1,4 +1,4 @@
-"""Instances of geometry, flattened to one mesh in world space."""
+"""Instances of geometry, flattened to one mesh in world space; rotations as matrices (3, 3), float64."""
 
 from __future__ import annotations
 
@@ -40,6 +40,7 @@ class Instance(NamedTuple):
     up: str | None = None  # the axis that is up, if the file or its format defines it (`Mesh.up`)
     polygons: Int64s | None = None  # (m,) the polygon of each face, as `raytrace.Mesh` has it, or None
     corner_normals: PerCorner | None = None  # as `raytrace.Mesh` has them, of an object alone without a matrix; or None
+    to_system: Float64s | None = None  # (4, 4), from the world to coordinates of the file's reference system; or None
 
     @property
     def volume(self) -> float:
@@ -50,6 +51,22 @@ class Instance(NamedTuple):
     def is_flattened(self) -> bool:
         """Whether there is nothing to see: no faces, or a matrix of no volume."""
         return not len(self.faces) or not self.volume
+
+
+def with_sides(mesh: Mesh, low: float) -> Mesh:
+    """Terrain, a surface z of x and y, as solid: with vertical sides from its borders down to z = `low`, or lower."""
+    low = min(low, float(mesh.vertices[:, 2].min()))
+    count = len(mesh.vertices)
+    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+    border = edges[~np.isin(edges @ [count, 1], edges[:, ::-1] @ [count, 1])]  # those of one face
+    foot = np.unique(border)
+    below = mesh.vertices[foot] * [1, 1, 0] + [0, 0, low]
+    a, b = border.T
+    down_a, down_b = count + np.searchsorted(foot, border).T
+    sides = np.concatenate([np.stack([a, down_a, b], axis=1), np.stack([b, down_a, down_b], axis=1)])
+    return Mesh(
+        np.concatenate([mesh.vertices, below]), np.concatenate([mesh.faces, sides]), source=mesh.source, up=mesh.up
+    )
 
 
 class Submesh(NamedTuple):
@@ -147,3 +164,32 @@ def cofactors(linear: Float64s) -> Float64s:
     """The cofactor matrices of (…, 3, 3), det · inverse transpose, which exist for flattening ones too."""
     x, y, z = np.moveaxis(linear, -2, 0)
     return np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=-2)
+
+
+def rotation_of_quaternion(quaternion: npt.ArrayLike) -> Float64s:
+    """The rotation of a quaternion (x, y, z, w) of any length. Raises: ValueError: of length zero."""
+    components = np.asarray(quaternion, np.float64)
+    length = np.linalg.norm(components)
+    if not length > 0:
+        raise ValueError("a rotation by a quaternion of length zero")
+    x, y, z, w = components / length
+    return np.array(
+        [
+            [x * x - y * y - z * z + w * w, 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), -x * x + y * y - z * z + w * w, 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), -x * x - y * y + z * z + w * w],
+        ]
+    )
+
+
+def rotation_about(axis: npt.ArrayLike, degrees: float) -> Float64s:
+    """The rotation by an angle about an axis of any length but zero, counterclockwise seen from its tip."""
+    half = np.radians(degrees) / 2
+    unit = np.asarray(axis, np.float64) / np.linalg.norm(axis)
+    return rotation_of_quaternion([*(np.sin(half) * unit), np.cos(half)])
+
+
+def rotation_about_axes(degrees: npt.ArrayLike) -> Float64s:
+    """The rotation by three angles about the fixed axes x, y and z, in this order."""
+    x, y, z = np.asarray(degrees, np.float64)
+    return rotation_about([0, 0, 1], z) @ rotation_about([0, 1, 0], y) @ rotation_about([1, 0, 0], x)

@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.style import Style
 from rich.text import Text
 
-from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.image.colour import encode_srgb
 
 from .page.base_colour import block_means
 

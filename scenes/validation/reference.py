@@ -14,11 +14,10 @@ import numpy as np
 from obscurance.ao.mu import Mu
 from obscurance.ao.points.points import Points
 from obscurance.ao.points.receivers import find_receivers
-from obscurance.raytrace.embree.rays import intersect
-from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.embree import TriangleScene, intersect
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.sampling.sequences import cosine_hemisphere, owen_sobol, seed_key
+from obscurance.raytrace.sampling import cosine_hemisphere, owen_sobol, seed_key
 from obscurance.raytrace.system.threads import run_blocks, thread_count
 from obscurance.raytrace.types import Float32s, Float64s, Int64s
 

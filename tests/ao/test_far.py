@@ -9,7 +9,7 @@ from slow_rays import by_embree, traced_by
 
 from obscurance import ao
 from obscurance.raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
-from obscurance.raytrace.mesh.precision import outlier_warnings
+from obscurance.raytrace.mesh.warnings import outlier_warnings
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

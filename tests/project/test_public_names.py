@@ -12,7 +12,8 @@ from types import ModuleType
 import pytest
 from project import ROOT
 
-from obscurance.raytrace.kernel.library import file_of, levels
+from obscurance.raytrace.kernel.library import file_of
+from obscurance.raytrace.kernel.processor import levels
 
 PACKAGES = ("raytrace", "ao", "scenes")
 

@@ -23,9 +23,8 @@ NEEDLESS = {
     ),
     *(
         "obscurance.raytrace.system.entry_points",
-        "obscurance.raytrace.text.safe_paths",
+        "obscurance.scenes.safe_paths",
         "obscurance.scenes.commands.usage",
-        "obscurance.scenes.geometry.standing",
     ),
 }
 WALK = """

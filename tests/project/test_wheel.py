@@ -18,7 +18,7 @@ from mesh_files import obj
 from meshes import hills
 from project import ROOT
 
-from obscurance.raytrace.kernel import library
+from obscurance.raytrace.kernel import library, processor
 
 PACKAGES = ("raytrace", "ao", "scenes")
 WITHOUT_EMBREE = """
@@ -42,7 +42,7 @@ def test_building_needs_what_running_and_compiling_need_in_the_same_versions():
 ONE_MODULE = """
 
 def modules() -> list[str]:
-    return ["obscurance.raytrace.kernel.counting_sort"]
+    return ["obscurance.raytrace.kernel.arrays"]
 """
 QUIET = ("-m", "pip", "--quiet", "--disable-pip-version-check")
 
@@ -103,7 +103,7 @@ def test_wheel_and_source_archive_pass_the_check_of_the_index_and_hold_the_same(
     names = [set(zipfile.ZipFile(each).namelist()) for each in (wheel, again)]
     assert names[0] == names[1]
     assert {f"obscurance/{package}/py.typed" for package in PACKAGES} <= names[0]
-    assert {f"obscurance/{library.file_of(level).relative_to(ROOT)}" for level in library.levels()} <= names[0]
+    assert {f"obscurance/{library.file_of(level).relative_to(ROOT)}" for level in processor.levels()} <= names[0]
     assert wheel.name.endswith(f"{sysconfig.get_platform().replace('-', '_').replace('.', '_')}.whl")
 
 
@@ -207,8 +207,8 @@ def test_every_level_that_this_processor_has_bakes_alike(installed, tmp_path):
     """Fused products are rounded alike; what differs is where sums of lanes are added up."""
     (tmp_path / "hills.obj").write_bytes(obj(*hills(20)))
     baked = []
-    for level in library.levels()[: library.levels().index(library.level()) + 1]:
-        code = f"from obscurance.raytrace.kernel import library; library.level = lambda: {level!r}; "
+    for level in processor.levels()[: processor.levels().index(processor.level()) + 1]:
+        code = f"from obscurance.raytrace.kernel import processor; processor.level = lambda: {level!r}; "
         code += "import obscurance.cli; obscurance.cli.main()"
         target = tmp_path / f"{level}.npy"
         done = run(installed / "python", "-c", code, "bake", "hills.obj", "-o", target, folder=tmp_path)

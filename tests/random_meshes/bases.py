@@ -13,7 +13,7 @@ from meshes import raw_mesh
 from obscurance.scenes.description.read import read_scene
 from obscurance.scenes.geometry.builtin_shapes import menger, temple
 from obscurance.scenes.geometry.polyhedra import RawMesh, join
-from obscurance.scenes.library.catalogue import BUILTIN, write_builtin
+from obscurance.scenes.library import BUILTIN, write_builtin
 
 from .dense import Make, Rng, displacement, refined, sized, unit, used
 from .pieces import knot, plane, solid

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from obscurance.raytrace.mesh.mesh import Mesh
-from obscurance.raytrace.mesh.precision import precision_warnings
+from obscurance.raytrace.mesh.warnings import precision_warnings
 from obscurance.scenes.geometry.polyhedra import RawMesh, icosphere, join
 from obscurance.scenes.validation.table import configurations
 

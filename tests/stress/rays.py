@@ -7,10 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from obscurance.ao import Binary, bake
-from obscurance.raytrace.embree.rays import intersect
-from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.embree import TriangleScene, intersect
 from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.mesh.precision import coarseness
+from obscurance.raytrace.mesh.warnings import coarseness
 from obscurance.raytrace.types import Float64s
 from obscurance.scenes.geometry.polyhedra import RawMesh
 

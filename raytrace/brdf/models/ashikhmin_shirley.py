@@ -18,8 +18,7 @@ from ...kernel.jit import inline
 from ...kernel.simd import select
 from ...kernel.vector import dot, halfway, multiply, perpendicular, scale, subtract, triple
 from ...system.parameters import Exponent, Reflectance
-from ..layout import MODEL
-from ..material import RGB, Brushed, Diffuse, Gloss
+from ..material import MODEL, RGB, Brushed, Diffuse, Gloss
 from ..microfacet import fifth
 from ..registry import in_lanes, reflection_model
 

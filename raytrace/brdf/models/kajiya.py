@@ -28,8 +28,7 @@ from ...kernel.simd import WIDE, pick, replace, select
 from ...kernel.vector import dot, halfway, perpendicular, scale
 from ...system.parameters import Indices, Nanometres, Reflectance, Wavelengths
 from ...types import Float64s
-from ..layout import MODEL
-from ..material import RGB, Brushed, Gloss
+from ..material import MODEL, RGB, Brushed, Gloss
 from ..microfacet import fresnel, geometric_attenuation
 from ..registry import reflection_model
 

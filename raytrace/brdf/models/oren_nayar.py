@@ -15,8 +15,7 @@ from typing import Literal
 from ...kernel.jit import inline
 from ...kernel.vector import dot, scale, subtract
 from ...system.parameters import Angle
-from ..layout import MODEL
-from ..material import Diffuse
+from ..material import MODEL, Diffuse
 from ..registry import reflection_model
 
 SIGMA = MODEL + 3

@@ -15,8 +15,7 @@ import numpy as np
 
 from ...kernel.jit import inline
 from ...kernel.vector import dot, mirror, scale, triple
-from ..layout import MODEL
-from ..material import Gloss, Glossy
+from ..material import MODEL, Gloss, Glossy
 from ..registry import in_lanes, reflection_model
 
 K_D = MODEL

@@ -21,8 +21,7 @@ import numpy as np
 from ...kernel.jit import inline
 from ...kernel.vector import dot, halfway, perpendicular, scale, triple
 from ...system.parameters import Fraction, Spacing
-from ..layout import MODEL
-from ..material import Brushed, Glossy
+from ..material import MODEL, Brushed, Glossy
 from ..registry import reflection_model
 
 TERMS = 16  # Chebyshev coefficients

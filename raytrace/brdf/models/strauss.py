@@ -15,8 +15,7 @@ from typing import Literal
 from ...kernel.jit import inline
 from ...kernel.vector import dot, mirror, scale, triple
 from ...system.parameters import Fraction, Reflectance, Smoothness
-from ..layout import MODEL
-from ..material import RGB, Gloss, Material
+from ..material import MODEL, RGB, Gloss, Material
 from ..registry import reflection_model
 
 SMOOTHNESS = MODEL + 3

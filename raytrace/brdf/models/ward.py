@@ -19,8 +19,7 @@ from ...kernel.jit import inline
 from ...kernel.simd import select
 from ...kernel.vector import dot, halfway, perpendicular, scale, triple
 from ...system.parameters import Slope
-from ..layout import MODEL
-from ..material import RGB, Brushed, Gloss, TwoTerm
+from ..material import MODEL, RGB, Brushed, Gloss, TwoTerm
 from ..registry import in_lanes, reflection_model
 
 K_S = MODEL + 3

@@ -12,8 +12,7 @@ from typing import Literal
 
 from ...kernel.jit import inline
 from ...kernel.vector import add, scale, triple
-from ..layout import MODEL
-from ..material import Diffuse
+from ..material import MODEL, Diffuse
 from ..registry import in_lanes, reflection_model
 
 

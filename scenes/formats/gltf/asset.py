@@ -17,14 +17,13 @@ from urllib.parse import unquote
 import numpy as np
 
 from obscurance.raytrace.errors import MeshError
-from obscurance.raytrace.text.safe_paths import resolve_inside
-from obscurance.raytrace.text.strict_json import parse_json
 from obscurance.raytrace.types import Float64s
 
-from ...geometry.rotations import of_quaternion
+from ...geometry.instances import rotation_of_quaternion
+from ...json_toml import parse_json
+from ...safe_paths import resolve_inside
 from . import records
-from .parse import parse
-from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler
+from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler, parse
 
 _PLACED = {"matrix", "translation", "rotation", "scale"}
 JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
@@ -187,7 +186,7 @@ def _local(node: Node) -> Float64s:
         return np.array(node.matrix).reshape(4, 4).T
     matrix = np.eye(4)
     if node.rotation is not None:
-        matrix[:3, :3] = of_quaternion(node.rotation)
+        matrix[:3, :3] = rotation_of_quaternion(node.rotation)
     matrix[:3, :3] *= node.scale
     matrix[:3, 3] = node.translation
     return matrix

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from obscurance.raytrace.image.encode import linear_png
-from obscurance.raytrace.image.texture import Texture, rgb_codes, texture_alpha, texture_codes
+from obscurance.raytrace.image.colour import rgb_codes
+from obscurance.raytrace.image.texture import Texture, texture_alpha, texture_codes
+from obscurance.raytrace.image.write import linear_png
 
 from ...geometry.attributes import SourceMaterial
 from .builder import GlbBuilder

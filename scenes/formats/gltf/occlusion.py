@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from obscurance.raytrace.image.encode import linear_png
+from obscurance.raytrace.image.write import linear_png
 from obscurance.raytrace.types import AnyFloats, Float32s
 
 from .builder import GlbBuilder
@@ -37,7 +37,7 @@ class OcclusionTextures:
     _given: dict[int, tuple[int, int]] = field(default_factory=dict)  # texture and coordinates by the id of a primitive
 
     def add(self, png: bytes, name: str, **sampler: int) -> int:
-        """Index of a new texture, of a file by `raytrace.image.encode.linear_png`.
+        """Index of a new texture, of a file by `raytrace.image.write.linear_png`.
 
         Args: name: of its image; begins with `OWN`. sampler: filters and wrap modes in place of linear and clamped.
         """

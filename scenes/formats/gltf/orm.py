@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from obscurance.raytrace.image.encode import linear_png
 from obscurance.raytrace.image.texture import texture_codes
+from obscurance.raytrace.image.write import linear_png
 from obscurance.raytrace.types import Float32s, UInt8s, UInt16s
 
 from .asset import Gltf, entry

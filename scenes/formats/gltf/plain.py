@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obscurance.raytrace.errors import OptionError
-from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.mesh.corners import split_corners, split_creases
 from obscurance.raytrace.mesh.mesh import Mesh, PerCorner
 from obscurance.raytrace.mesh.normals import nonzero

@@ -1,17 +1,23 @@
 """The part of a glTF header that is read, as records; here, and nowhere else, stand the specification's defaults.
 
-Format: Khronos glTF 2.0 specification, section 5; of extensions KHR_lights_punctual, KHR_texture_transform,
-KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness, KHR_materials_variants, meshopt_compression.
+Whole numbers are indices and sizes, from 0; whether they point at something is found where they are used. What does not
+match is refused by name. Format: Khronos glTF 2.0 specification, section 5; of extensions KHR_lights_punctual,
+KHR_texture_transform, KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness, KHR_materials_variants,
+meshopt_compression.
 """
 
 # ruff: noqa: RUF012 (empty lists as defaults are shared, and never changed)
 from math import pi
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
-from obscurance.raytrace.system.records import At, Record, Within
+from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.system.records import At, Fault, Record, Within, read
 
-from .parse import Index, Number
+from ...json_toml import shown
 
+T = TypeVar("T")
+Index = Annotated[int, Within(0, 2**53 - 1, words="a whole number, 0 or more")]
+Number = Annotated[float, Within(-1e100, 1e100, words="a finite number")]
 Vector = tuple[Number, Number, Number]
 Quadruple = tuple[Number, Number, Number, Number]
 Matrix = tuple[
@@ -22,6 +28,14 @@ PROFILE = "_OBSCURANCE_PROFILE_"  # and a number: attributes of four columns eac
 WRAP = 10497  # REPEAT
 LIGHTS = "extensions.KHR_lights_punctual.lights"
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
+
+
+def parse(kind: type[T], value: Any, source: object) -> T:
+    """`value` as `kind`. Raises: MeshError: the first value that is not of its type, by its path."""
+    try:
+        return read(kind, value)
+    except Fault as fault:
+        raise MeshError(source, fault.place or "content", fault.expected, shown(fault.got)) from None
 
 
 class GltfScene(Record):

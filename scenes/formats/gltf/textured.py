@@ -18,8 +18,7 @@ from .asset import Gltf
 from .builder import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GlbBuilder
 from .occlusion import OcclusionTextures, add_coordinates, free_set
 from .orm import OrmTextures
-from .parse import parse
-from .records import Primitive
+from .records import Primitive, parse
 from .write import document, write_ramp
 
 _SAME = 1e-6  # of texture coordinates that float32 has rounded

@@ -15,15 +15,15 @@ import numpy.typing as npt
 
 from obscurance.raytrace import AlphaSurface, Opacity
 from obscurance.raytrace.errors import MeshError, SceneError
-from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.raytrace.image.texture import Texture, Wrap
 from obscurance.raytrace.mesh.mesh import PerCorner
-from obscurance.raytrace.text.field_errors import shown
-from obscurance.raytrace.text.safe_paths import confined
 from obscurance.raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes, triangle_attributes
 from ...geometry.instances import Submesh
+from ...json_toml import shown
+from ...safe_paths import confined
 from .accessors import column, flipped, view_bytes
 from .asset import Gltf, entry
 from .occlusion import ramp_sets

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from obscurance.ao import Bake
-from obscurance.raytrace.image.encode import linear_png
-from obscurance.raytrace.mesh.up import TO_Y_UP, up_axis
+from obscurance.raytrace.image.write import linear_png
+from obscurance.raytrace.mesh.mesh import TO_Y_UP, up_axis
 from obscurance.raytrace.types import AnyFloats, Float64s
 
 from ...geometry.instances import Submesh

@@ -83,7 +83,7 @@ def _libraries(lines: Iterable[str], find: Callable[[str], Path | None]) -> Iter
 
 def _resolve_inside(folder: Path, name: str) -> Path | None:
     """A file in a folder or below it, or None."""
-    from obscurance.raytrace.text.safe_paths import resolve_inside
+    from ...safe_paths import resolve_inside
 
     return resolve_inside(name.strip().strip('"'), folder)
 

@@ -10,8 +10,22 @@ import numpy as np
 
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.mesh.mesh import PerCorner
-from obscurance.raytrace.text import lines
-from obscurance.raytrace.text.lines import COUNT, LEAST, MOST, NEEDED, NONE, NUMBERED, SLASHES, USABLE, WORDS, F, V
+from obscurance.raytrace.text import (
+    COUNT,
+    LEAST,
+    MOST,
+    NEEDED,
+    NONE,
+    NUMBERED,
+    SLASHES,
+    USABLE,
+    WORDS,
+    F,
+    V,
+    read_faces,
+    read_numbers,
+    survey,
+)
 from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 from ..number_rows import for_blocks, line_blocks, round_left
@@ -92,7 +106,7 @@ class ObjText:
         def work(block: int) -> None:
             begin, end = self._blocks[block]
             runs_found = np.empty(((end - begin) // 4 + 2, 3), np.int64)
-            runs_of[block] = runs_found[: lines.survey(self._text, begin, end, tallies[block], runs_found)].copy()
+            runs_of[block] = runs_found[: survey(self._text, begin, end, tallies[block], runs_found)].copy()
 
         for_blocks(len(tallies), work)
         self._tallies = tallies
@@ -116,7 +130,7 @@ class ObjText:
         def work(block: int) -> None:
             if self._tallies[block, kind, COUNT]:
                 row = values[ends[block] : ends[block + 1]]
-                lines.read_numbers(self._text, *self._blocks[block], kind, row)
+                read_numbers(self._text, *self._blocks[block], kind, row)
 
         for_blocks(len(self._blocks), work)
         round_left(self._data, values.reshape(-1))
@@ -130,7 +144,7 @@ class ObjText:
 
         def work(block: int) -> None:
             if self._tallies[block, F, COUNT]:
-                valid[block] = lines.read_faces(self._text, *self._blocks[block], self._before[block], sizes, indices)
+                valid[block] = read_faces(self._text, *self._blocks[block], self._before[block], sizes, indices)
 
         for_blocks(len(valid), work)
         return sizes, indices, all(valid)

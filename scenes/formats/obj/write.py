@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from obscurance.ao import Bake
-from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.raytrace.types import AnyFloats
 
 from ..load import MeshFile

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from obscurance.raytrace.image.srgb import encode_srgb
-from obscurance.raytrace.mesh.mesh import PerCorner
-from obscurance.raytrace.mesh.up import UP
+from obscurance.raytrace.image.colour import encode_srgb
+from obscurance.raytrace.mesh.mesh import UP, PerCorner
 from obscurance.raytrace.types import AnyInts, Float32s, Float64s, Int64s
 
 from ...geometry.attributes import Element, Property, SourceAttributes, SourceMaterial, find_picture

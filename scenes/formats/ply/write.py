@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from obscurance.ao import Bake
-from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.mesh import Mesh, up_axis
 from obscurance.raytrace.mesh.normals import face_normals
-from obscurance.raytrace.mesh.up import up_axis
 
 from ...geometry.attributes import Element, Property, SourceAttributes, float_normals, triangle_attributes
 from ..load import MeshFile

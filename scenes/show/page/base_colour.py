@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from obscurance.raytrace.errors import InputError, printable
-from obscurance.raytrace.image.encode import image_bytes, linear_png, write_picture
-from obscurance.raytrace.image.srgb import decode_srgb, encode_srgb
-from obscurance.raytrace.image.texture import Texture, Wrap, rgb_codes, texture_alpha, texture_codes
+from obscurance.raytrace.image.colour import decode_srgb, encode_srgb, rgb_codes
+from obscurance.raytrace.image.texture import Texture, Wrap, texture_alpha, texture_codes
+from obscurance.raytrace.image.write import image_bytes, linear_png, write_picture
 from obscurance.raytrace.mesh.mesh import PerCorner
 from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
 from obscurance.raytrace.types import AnyFloats, Float64s, Int64s, UInt8s

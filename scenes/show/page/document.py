@@ -1,5 +1,7 @@
 """A page as one HTML file: style, scripts, shaders and data inside, and a policy that lets nothing else in."""
 
+from __future__ import annotations
+
 import base64
 import hashlib
 import html
@@ -7,24 +9,32 @@ import json
 import re
 from collections.abc import Sequence
 from importlib.resources import files
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
 from obscurance.raytrace import Mesh, OptionError
+from obscurance.raytrace.camera import FROM
 from obscurance.raytrace.errors import check_type, printable
-from obscurance.raytrace.mesh.up import FROM, UP, up_axis
+from obscurance.raytrace.mesh.mesh import UP, up_axis
 from obscurance.raytrace.types import AnyFloats
 
+from ...formats.load import PIPED, MeshFile
+from ...formats.table import Channels
 from ..look import FLAGS, LOOK
-from .base_colour import BaseColour
+from .base_colour import BaseColour, base_colour
 from .encode import Values, encoded
+
+if TYPE_CHECKING:
+    from obscurance.ao import Bake
 
 _SCRIPTS = (
     *("colour", "data", "camera", "coarse", "target", "surface", "pick", "hover"),
     *("controls", "address", "panel", "distance", "page"),
 )
 _SHADERS = "surface.vert", "surface.frag", "dots.vert", "dots.frag"
+_MOST = 250_000  # vertices; a notebook keeps some 10 bytes of each
 
 
 def html_page(
@@ -95,3 +105,23 @@ def _hashed(text: str) -> str:
 
 def _part(name: str) -> str:
     return files(__package__).joinpath("parts", name).read_text("utf-8")
+
+
+def page_of_bake(bake: Bake | Values, mesh_file: MeshFile, channels: Channels) -> bytes:
+    """The page, everything in it."""
+    name = mesh_file.path.name
+    title = "standard input" if mesh_file.path.stem == PIPED else name
+    values = Values(
+        bake.w, bake.error, bake.flags, bake.bent_normals, title, profile=bake.profile, permanent=channels.again
+    )
+    return html_of_bakes(mesh_file.baked_mesh(len(bake.w)), [values], title, channels.up, base_colour(mesh_file))
+
+
+def framed_page(bake: Bake) -> str | None:
+    """The page in an `iframe`, or None of a mesh too large to be kept in a notebook, which then shows a picture."""
+    if len(bake.mesh.vertices) > _MOST:
+        return None
+    name = Path(bake.mesh.source).name
+    values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, name, profile=bake.profile)
+    content = html.escape(html_of_bakes(bake.mesh, [values], name).decode())
+    return f'<iframe srcdoc="{content}" width="100%" height="480" style="border: 0"></iframe>'

@@ -10,7 +10,8 @@ import numpy as np
 from obscurance.raytrace import Mesh, OptionError
 from obscurance.raytrace.errors import SceneError, printable
 from obscurance.raytrace.image.texture import Texture, texture_codes
-from obscurance.raytrace.mesh.up import TO_Y_UP, up_axis
+from obscurance.raytrace.mesh.mesh import TO_Y_UP, up_axis
+from obscurance.raytrace.mesh.warnings import lying_notes
 from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_ending, check_outputs
 from obscurance.raytrace.types import Float64s, UInt8s
@@ -19,7 +20,6 @@ from ...formats.gltf.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
 from ...formats.load import MeshFile, load, parser_errors
 from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated
-from ...geometry.standing import lying_notes
 from .base_colour import base_colour
 from .document import html_of_bakes
 from .encode import TexturedW, Values

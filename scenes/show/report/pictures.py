@@ -21,9 +21,8 @@ from obscurance.raytrace import (
     Texture,
 )
 from obscurance.raytrace import render as render_scene
-from obscurance.raytrace.image.encode import image_bytes, write_data
-from obscurance.raytrace.image.srgb import decode_srgb
-from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.image.colour import decode_srgb
+from obscurance.raytrace.image.write import image_bytes, write_data, write_image
 from obscurance.raytrace.types import AnyFloats, Float32s, Float64s
 
 from ...description.description import framing

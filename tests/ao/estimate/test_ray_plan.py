@@ -33,5 +33,5 @@ def test_a_tolerance_needs_no_second_hierarchy(monkeypatch: pytest.MonkeyPatch) 
     def refused(*_: object) -> None:
         raise AssertionError("Embree's hierarchy is built")
 
-    monkeypatch.setattr("obscurance.raytrace.embree.scene.EmbreeScene.__init__", refused)
+    monkeypatch.setattr("obscurance.raytrace.embree.EmbreeScene.__init__", refused)
     assert ao.bake(Mesh(*hills(40)), tolerance=0.02).rmse <= 0.02

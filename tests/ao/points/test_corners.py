@@ -21,7 +21,7 @@ from obscurance.ao.rays.ray_scene import RayScene
 from obscurance.raytrace import MemoryLimitError, Mesh
 from obscurance.raytrace.mesh.normals import own_vertex_normals
 from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.sampling.sequences import seed_key
+from obscurance.raytrace.sampling import seed_key
 from obscurance.scenes.geometry.polyhedra import icosphere, join
 from obscurance.scenes.validation.reference import reference
 

@@ -10,7 +10,7 @@ from obscurance.ao import Flag
 from obscurance.ao.points.receivers import find_receivers
 from obscurance.raytrace import Mesh, OptionError
 from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.ray_origins.clearance import outermost_normals
+from obscurance.raytrace.ray_origins.direction import outermost_normals
 
 
 def receivers(mesh, normals="angle"):
@@ -93,7 +93,7 @@ def test_a_normal_behind_one_of_its_faces_is_moved_in_front_of_all():
 @pytest.mark.parametrize("offset", [0, 1, 1e3])
 def test_no_ray_hits_the_faces_it_starts_on(offset):
     """A small bumpy sphere beside a far triangle, so that float32 is coarse where the sphere is."""
-    from obscurance.raytrace.embree.rays import intersect
+    from obscurance.raytrace.embree import intersect
 
     sphere = trimesh.creation.icosphere(subdivisions=4, radius=1 / max(offset, 1))
     rng = np.random.default_rng(0)

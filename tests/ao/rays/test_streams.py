@@ -12,7 +12,7 @@ from obscurance.ao.rays.gather import COLUMNS, W, gather_hemispheres
 from obscurance.ao.rays.ray_blocks import Rays
 from obscurance.ao.rays.traverse import TraversalState
 from obscurance.raytrace import Mesh
-from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.embree import intersect
 from obscurance.raytrace.kernel.arrays import aligned
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.scenes.geometry.builtin_shapes import temple

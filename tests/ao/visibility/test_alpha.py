@@ -15,7 +15,7 @@ from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.ao.options import Options
 from obscurance.ao.prepared import Prepared
 from obscurance.raytrace import AlphaSurface, Lambert, Mesh, Object, Opacity, Scene, Shape, Texture
-from obscurance.raytrace.sampling.sequences import GOLDEN
+from obscurance.raytrace.sampling import GOLDEN
 
 pytestmark = pytest.mark.usefixtures("w_alone")
 

@@ -12,8 +12,8 @@ from gltf_files import QUAD, Builder
 
 from obscurance import ao, scenes
 from obscurance.ao.closed_forms import polygon_form_factor
-from obscurance.raytrace.image.encode import linear_png
 from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.image.write import linear_png
 from obscurance.scenes.bake.pages import Layouts, Page
 from obscurance.scenes.bake.uv import Coordinates
 from obscurance.scenes.formats.gltf.occlusion import image_name, occlusion_reference

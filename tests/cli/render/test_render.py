@@ -10,10 +10,10 @@ from gltf_files import Builder
 from render_scenes import BALL, SMALL, write_ball
 
 from obscurance.ao.report import versions
-from obscurance.raytrace.image.encode import FORMATS
+from obscurance.raytrace.image.formats import FORMATS
 from obscurance.raytrace.image.frame import LAYERS
 from obscurance.raytrace.image.read import read_image
-from obscurance.scenes.library.catalogue import BUILTIN, builtin_toml
+from obscurance.scenes.library import BUILTIN, builtin_toml
 
 SUMMANDS = ("ambient", "diffuse", "specular", "emission")
 

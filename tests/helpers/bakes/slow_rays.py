@@ -9,7 +9,7 @@ from obscurance.ao.execute.tracer import Hemispheres
 from obscurance.ao.mu import accumulate_occlusion, attenuation, depends_on_distance
 from obscurance.ao.rays.directions import BATCHES, choose, turned_frame
 from obscurance.ao.rays.gather import BATCH_VARIANCE, BENT, COLUMNS, W
-from obscurance.raytrace.embree.rays import intersect
+from obscurance.raytrace.embree import intersect
 from obscurance.raytrace.mesh.opacity import alpha
 
 

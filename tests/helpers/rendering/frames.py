@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from obscurance.raytrace.image.encode import LAYERS
+from obscurance.raytrace.image.formats import LAYERS
 from obscurance.raytrace.image.frame import Frame
 
 METADATA = {"scene": "Säule “7”: a=b", "seed": "7", "version": "0.1.0", "samples": "16", "obscurance": "off"}

@@ -7,7 +7,7 @@ import OpenImageIO as oiio
 import PIL.Image
 from project import environment
 
-from obscurance.raytrace.image.encode import FORMATS
+from obscurance.raytrace.image.formats import FORMATS
 
 ENDINGS = tuple(FORMATS)
 

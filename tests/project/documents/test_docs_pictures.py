@@ -12,7 +12,7 @@ from benchmarks.pictures.model_strips import STRIPS, picture
 from obscurance.raytrace.image.compare import compare
 from obscurance.raytrace.image.read import read_image
 from obscurance.raytrace.image.write import write_image
-from obscurance.scenes.library.catalogue import BUILTIN
+from obscurance.scenes.library import BUILTIN
 
 DOCS = ROOT / "docs"
 ALLOWED = 0.003  # mean FLIP; a picture of another version of the renderer is .01 and more away

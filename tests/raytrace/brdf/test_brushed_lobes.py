@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2
 
 from obscurance.raytrace import AshikhminShirley, Ward
-from obscurance.raytrace.materials.reflect import NORMAL, albedo, directional_albedo, reflect, towards
+from obscurance.raytrace.brdf.reflect import NORMAL, albedo, directional_albedo, reflect, towards
 
 ANGLES = np.radians([0, 50, 75, 85, 89.9])
 ALONG_X = (1, 0, 0)

@@ -6,7 +6,7 @@ import transcription as plain
 
 from obscurance.raytrace import EllipticalBeckmann, Kajiya
 from obscurance.raytrace.brdf.models.kajiya import scattered
-from obscurance.raytrace.materials.reflect import NORMAL, directional_albedo, reflect, towards
+from obscurance.raytrace.brdf.reflect import NORMAL, directional_albedo, reflect, towards
 
 PERFECT = 1e6  # η = 1e6: F = 1 to 4e-6
 

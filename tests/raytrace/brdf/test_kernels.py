@@ -19,10 +19,10 @@ from obscurance.raytrace import (
     render,
 )
 from obscurance.raytrace.brdf.dispatch import evaluate, terms
+from obscurance.raytrace.brdf.reflect import reflect
 from obscurance.raytrace.kernel.vector import add
 from obscurance.raytrace.lights.kernels import incident
 from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight
-from obscurance.raytrace.materials.reflect import reflect
 from obscurance.scenes.geometry.primitives import sphere
 
 BALL = sphere(0.5, 0.05).mesh
@@ -81,7 +81,7 @@ def test_terms_are_the_body_s_and_the_highlight_s():
 
 def test_materials_and_lights_are_declared_without_compiling():
     code = (
-        "import sys; import obscurance.raytrace.brdf.registry, obscurance.raytrace.materials.reflect; "
+        "import sys; import obscurance.raytrace.brdf.registry, obscurance.raytrace.brdf.reflect; "
         "from obscurance import raytrace as m; "
         "import obscurance.raytrace.lights.sources, obscurance.raytrace.image.write; "
         "obscurance.raytrace.brdf.registry.reflection_models(); "

@@ -18,9 +18,9 @@ from obscurance.raytrace import (
     Ward,
 )
 from obscurance.raytrace.brdf.models.oren_nayar import fitted_orders
+from obscurance.raytrace.brdf.reflect import NORMAL as N
+from obscurance.raytrace.brdf.reflect import asymmetry, directional_albedo, reflect, towards
 from obscurance.raytrace.errors import OptionError
-from obscurance.raytrace.materials.reflect import NORMAL as N
-from obscurance.raytrace.materials.reflect import asymmetry, directional_albedo, reflect, towards
 
 MIRROR = {"albedo": 1.0, "k_s": 1.0, "eta": 1e6}  # η = 1e6: F = 1 to 4e-6
 

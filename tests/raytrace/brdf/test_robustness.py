@@ -20,8 +20,8 @@ from obscurance.raytrace import (
 )
 from obscurance.raytrace.brdf.dispatch import reflect_rows
 from obscurance.raytrace.brdf.material import pack_materials
+from obscurance.raytrace.brdf.reflect import reflect
 from obscurance.raytrace.errors import OptionError
-from obscurance.raytrace.materials.reflect import reflect
 
 TINY, NEARLY_ONE = 1e-6, float(np.nextafter(1.0, 0.0))
 EXTREMES = [

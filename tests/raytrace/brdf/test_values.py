@@ -21,8 +21,8 @@ from obscurance.raytrace import (
 from obscurance.raytrace.brdf.microfacet import conductor_fresnel, fresnel
 from obscurance.raytrace.brdf.models.cook_torrance import gaussian_constant
 from obscurance.raytrace.brdf.models.strauss import fresnel_like, shadowing
+from obscurance.raytrace.brdf.reflect import reflect
 from obscurance.raytrace.errors import OptionError
-from obscurance.raytrace.materials.reflect import reflect
 
 GRAIN = np.array([0.3, 0.9, -0.2])
 

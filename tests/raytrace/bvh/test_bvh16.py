@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from obscurance.raytrace.bvh.bvh16 import BVH16
-from obscurance.raytrace.bvh.median_splits import median_order
+from obscurance.raytrace.bvh.bvh16 import BVH16, median_order
 from obscurance.scenes.geometry.polyhedra import icosphere
 
 

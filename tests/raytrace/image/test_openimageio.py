@@ -9,7 +9,7 @@ from project import ROOT
 INTERRUPTED = "import os, signal\nos.kill(os.getpid(), signal.{name})\nwhole = True\n"
 IMPORTED = """
 import signal, sys
-from obscurance.raytrace.image.openimageio import openimageio
+from obscurance.raytrace.image.formats import openimageio
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGTERM, signal.default_int_handler)
 sys.path.insert(0, sys.argv[1])

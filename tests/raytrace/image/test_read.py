@@ -9,8 +9,8 @@ import pytest
 from frames import METADATA, frame
 
 from obscurance.raytrace.errors import InputError
+from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.image.read import read_image
-from obscurance.raytrace.image.srgb import decode_srgb
 
 
 @pytest.mark.parametrize("ending", [".exr", ".png", ".tif", ".jpg"])

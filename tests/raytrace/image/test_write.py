@@ -7,9 +7,9 @@ import pytest
 from frames import METADATA, frame, plain
 from pictures import ENDINGS, PICTURES, foreign, names, pillow, python
 
-from obscurance.raytrace.image.encode import LAYERS
+from obscurance.raytrace.image.colour import decode_srgb, encode_srgb
+from obscurance.raytrace.image.formats import LAYERS
 from obscurance.raytrace.image.read import read_image
-from obscurance.raytrace.image.srgb import decode_srgb, encode_srgb
 from obscurance.raytrace.image.write import write_image
 
 DITHERED = 1  # code by which a pixel of a PNG may differ

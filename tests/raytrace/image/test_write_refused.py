@@ -16,12 +16,12 @@ from obscurance.raytrace.image.write import check_image_target, write_image
 FULL_DISK = """
 import json, resource, sys
 from frames import METADATA, frame
-from obscurance.raytrace.image import encode
-reserve = encode._reserve
+from obscurance.raytrace.image import write
+reserve = write._reserve
 unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
 outcomes = []
 for target, reserved, limit in json.loads(sys.argv[1]):
-    encode._reserve = reserve if reserved else lambda *_: None
+    write._reserve = reserve if reserved else lambda *_: None
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, unlimited[1]))
     try:
         frame().save(target, METADATA)

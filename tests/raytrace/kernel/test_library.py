@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from project import ROOT
 
-from obscurance.raytrace.kernel import build, library
+from obscurance.raytrace.kernel import build, library, processor
 from obscurance.raytrace.kernel.identity import kernel_identity
 
 HELPER = """
@@ -62,7 +62,7 @@ def project_in(folder):
     package.mkdir()
     (folder / "ao").mkdir()
     (package / "__init__.py").touch()
-    left_out = shutil.ignore_patterns("vector.py", "counting_sort.py", "*.so", "*.pyd", "__pycache__")
+    left_out = shutil.ignore_patterns("vector.py", "arrays.py", "*.so", "*.pyd", "__pycache__")
     shutil.copytree(ROOT / "raytrace" / "kernel", package / "kernel", ignore=left_out)
     for name in ("types.py", "errors.py"):
         shutil.copy(ROOT / "raytrace" / name, package)
@@ -194,11 +194,11 @@ def test_without_numba_a_line_says_what_is_missing_and_how_it_is_had(project):
     assert len(said.splitlines()) == 1
 
 
-OLD = "from obscurance.raytrace.kernel import library; library.cpu_features = lambda: frozenset({'SSE2'})\n"
+OLD = "from obscurance.raytrace.kernel import processor; processor.cpu_features = lambda: frozenset({'SSE2'})\n"
 
 
 def test_a_processor_that_no_library_is_for_gets_a_line_with_the_way_to_build_one(project):
-    if library.level() == library.ARM:
+    if processor.level() == processor.ARM:
         pytest.skip("x86-64 has levels")
     said = run(project, NO_NUMBA + OLD + ANSWER)
     assert said.startswith("kernels: expected those for this processor (")
@@ -207,13 +207,13 @@ def test_a_processor_that_no_library_is_for_gets_a_line_with_the_way_to_build_on
 
 
 def test_the_level_is_the_best_that_a_processor_has_all_of(monkeypatch):
-    if library.level() == library.ARM:
+    if processor.level() == processor.ARM:
         pytest.skip("x86-64 has levels")
     third = {"AVX2", "FMA3"}
     fourth = third | {"AVX512F", "AVX512BW", "AVX512CD", "AVX512DQ", "AVX512VL"}
     for features, level in ((fourth, "x86-64-v4"), (fourth - {"AVX512VL"}, "x86-64-v3"), ({"AVX2"}, "x86-64")):
-        monkeypatch.setattr(library, "cpu_features", lambda has=features: frozenset(has))
-        assert library.level.__wrapped__() == level
+        monkeypatch.setattr(processor, "cpu_features", lambda has=features: frozenset(has))
+        assert processor.level.__wrapped__() == level
 
 
 def test_the_library_of_this_tree_has_all_kernels():
@@ -242,10 +242,9 @@ RESULTS = "from obscurance.raytrace.kernel.library import results_identity; prin
 
 def test_an_edit_of_what_reads_and_writes_files_leaves_the_identity_of_results(project):
     """Docstrings and readers are edited, then a constant that decides bits."""
-    (project / "raytrace" / "text").mkdir()
-    (project / "raytrace" / "text" / "lines.py").write_text("SEPARATOR = 1\n")
+    (project / "raytrace" / "text.py").write_text("SEPARATOR = 1\n")
     before = run(project, RESULTS)
-    (project / "raytrace" / "text" / "lines.py").write_text("SEPARATOR = 2\n")
+    (project / "raytrace" / "text.py").write_text("SEPARATOR = 2\n")
     (project / "raytrace" / "loop.py").write_text('"""Docstring."""\n' + KERNEL)
     assert run(project, RESULTS) == before
     (project / "ao" / "estimate.py").write_text("RAYS = 2\n")
@@ -267,7 +266,7 @@ def test_the_identity_of_results_is_made_of_edited_sources_alone(project):
     comment = project / "raytrace" / "helper.py"
     comment.write_text("# a comment\r\n" + comment.read_text())
     assert run(project, COMPILED) == f"{identity} 1"
-    (project / library.file_of(library.level()).relative_to(ROOT)).unlink()
+    (project / library.file_of(processor.level()).relative_to(ROOT)).unlink()
     unknown, made = run(project, COMPILED).split()
     assert unknown == identity
     assert int(made) == len(list((project / "raytrace").rglob("*.py")))
@@ -295,4 +294,4 @@ def test_slivers_side_by_side_whose_boxes_are_oriented_are_baked_without_numba()
     command = [sys.executable, "-c", NO_NUMBA + HAIR]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout == "['_find_smooth', '_search'] []\n"
+    assert done.stdout == "['_find_smooth', '_search', 'gather_hemispheres'] []\n"

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from obscurance.raytrace.errors import OptionError
-from obscurance.raytrace.lights import layout as light_rows
+from obscurance.raytrace.lights import kernels as light_rows
 from obscurance.raytrace.lights.kernels import cannot_matter_in, incident
 from obscurance.raytrace.lights.sources import (
     AmbientLight,

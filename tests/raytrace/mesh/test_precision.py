@@ -12,7 +12,7 @@ from stress.pose import Pose
 from stress.solids import grid
 
 from obscurance.raytrace import Mesh
-from obscurance.raytrace.mesh.precision import TILT, coarseness, precision_warnings
+from obscurance.raytrace.mesh.warnings import TILT, coarseness, precision_warnings
 from obscurance.scenes.geometry.polyhedra import icosphere, join
 
 
@@ -112,6 +112,6 @@ def test_the_short_cut_leaves_out_nothing(monkeypatch, away):
     ball = trimesh.creation.icosphere(subdivisions=4)
     mesh = Mesh((ball.vertices + away).astype(np.float32), ball.faces)
     short = coarseness(mesh)
-    monkeypatch.setattr("obscurance.raytrace.mesh.precision._may_tilt", lambda _: True)
+    monkeypatch.setattr("obscurance.raytrace.mesh.warnings._may_tilt", lambda _: True)
     assert coarseness(mesh) == short
     assert (short.vertices > 0) == (away >= 1e5)

@@ -9,7 +9,7 @@ from stress.solids import cube, ellipsoid, grid, inward
 from obscurance import ao
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.bvh.bvh16 import BVH16
-from obscurance.raytrace.ray_origins.clearance import outermost_normals
+from obscurance.raytrace.ray_origins.direction import outermost_normals
 from obscurance.raytrace.ray_origins.surface import Surface, find_contacts
 from obscurance.scenes.geometry.polyhedra import generic_rotation, icosphere, join
 

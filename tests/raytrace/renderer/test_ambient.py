@@ -5,8 +5,7 @@ import trimesh
 
 from obscurance import ao
 from obscurance.raytrace import Camera, Lambert, Mesh, Object, Scene, Settings, Shape, render
-from obscurance.raytrace.embree.rays import intersect
-from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.embree import TriangleScene, intersect
 from obscurance.raytrace.lights.sources import AmbientLight
 from obscurance.scenes.geometry import primitives
 

@@ -6,7 +6,7 @@ from rendered import CAMERA, SMALL, still_scene
 
 from obscurance.raytrace import Lambert, Mesh
 from obscurance.raytrace.camera import Camera
-from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.raytrace.renderer import render_job as module
 from obscurance.raytrace.renderer.render import render
 from obscurance.raytrace.scene import Object, Scene, Shape

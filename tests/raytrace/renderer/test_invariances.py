@@ -11,7 +11,7 @@ from rendered import CAMERA, SMALL, grid, sphere, still_scene, white
 from obscurance import ao
 from obscurance.raytrace import Mesh, Phong
 from obscurance.raytrace.camera import Camera
-from obscurance.raytrace.image.encode import LAYERS
+from obscurance.raytrace.image.formats import LAYERS
 from obscurance.raytrace.lights.sources import DirectionalLight, PointLight, SpotLight
 from obscurance.raytrace.renderer.render import render, seen_vertices
 from obscurance.raytrace.renderer.render_scene import build, release

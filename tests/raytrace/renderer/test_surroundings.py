@@ -20,8 +20,7 @@ from obscurance.raytrace import (
     render,
 )
 from obscurance.raytrace.brdf.material import pack_materials
-from obscurance.raytrace.image.encode import write_layers
-from obscurance.raytrace.image.write import write_image
+from obscurance.raytrace.image.write import write_image, write_layers
 from obscurance.raytrace.lights.environment import (
     cone_visibility,
     harmonic_irradiance,

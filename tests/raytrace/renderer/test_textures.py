@@ -20,7 +20,7 @@ from obscurance.raytrace import (
     Texture,
     render,
 )
-from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.raytrace.image.colour import decode_srgb
 
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = [[0, 1, 2], [0, 2, 3]]

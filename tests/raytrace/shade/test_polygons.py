@@ -8,10 +8,10 @@ from newell import newell_normal
 from rendered import white
 
 from obscurance.raytrace import Lambert, Mesh, Phong
+from obscurance.raytrace.brdf.reflect import reflect
 from obscurance.raytrace.camera import Camera
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.lights.sources import AmbientLight, PointLight
-from obscurance.raytrace.materials.reflect import reflect
 from obscurance.raytrace.renderer.geometry import build_geometry
 from obscurance.raytrace.renderer.render import render, seen_vertices
 from obscurance.raytrace.scene import Object, Scene, Shape

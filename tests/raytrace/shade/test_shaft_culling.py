@@ -8,8 +8,7 @@ import trimesh
 
 from obscurance.raytrace import Lambert, Phong
 from obscurance.raytrace.camera import Camera
-from obscurance.raytrace.embree.rays import intersect
-from obscurance.raytrace.embree.scene import TriangleScene
+from obscurance.raytrace.embree import TriangleScene, intersect
 from obscurance.raytrace.kernel.arrays import aligned
 from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight, SpotLight, pack_lights
 from obscurance.raytrace.mesh.mesh import Mesh

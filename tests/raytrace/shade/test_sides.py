@@ -5,9 +5,9 @@ import pytest
 from rendered import ONE, PLANE, grid, pixel, sphere, white
 
 from obscurance.raytrace import Lambert, Mesh, OrenNayar, Phong, Strauss
+from obscurance.raytrace.brdf.reflect import reflect
 from obscurance.raytrace.camera import Camera
 from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from obscurance.raytrace.materials.reflect import reflect
 from obscurance.raytrace.renderer.render import render
 from obscurance.raytrace.scene import Object, Scene, Shape
 from obscurance.raytrace.settings import Settings

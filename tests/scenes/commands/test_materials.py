@@ -6,7 +6,7 @@ import pytest
 from command import obscurance, refused
 
 from obscurance.raytrace import material_from_dict
-from obscurance.raytrace.materials.presets import PRESETS
+from obscurance.raytrace.brdf.presets import PRESETS
 from obscurance.scenes.commands.materials import preset_toml
 
 

@@ -13,9 +13,9 @@ from gltf_files import QUAD, TRIANGLE, Builder
 from gltf_scenes import read, textured, triangle
 
 from obscurance.raytrace import CookTorrance, Lambert
+from obscurance.raytrace.brdf.reflect import reflect
 from obscurance.raytrace.errors import InputError, MeshError, SceneError
 from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
-from obscurance.raytrace.materials.reflect import reflect
 from obscurance.scenes.description.description import NEUTRAL
 from obscurance.scenes.description.read import read_scene
 

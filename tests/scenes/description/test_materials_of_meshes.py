@@ -8,8 +8,8 @@ from command import obscurance
 from PIL import Image
 
 from obscurance.raytrace import BlinnPhong, Lambert
+from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.image.read import read_image
-from obscurance.raytrace.image.srgb import decode_srgb
 from obscurance.scenes import read_scene
 from obscurance.scenes.description.description import NEUTRAL, WHITE
 

@@ -13,7 +13,7 @@ from obscurance import ao, scenes
 from obscurance.raytrace import Camera, Mesh
 from obscurance.raytrace.errors import MeshError, OptionError
 from obscurance.raytrace.image.read import read_image
-from obscurance.raytrace.mesh.up import TO_Y_UP, UP
+from obscurance.raytrace.mesh.mesh import TO_Y_UP, UP
 from obscurance.scenes.description.read import read_scene
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.write import write

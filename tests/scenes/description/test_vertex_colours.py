@@ -8,7 +8,7 @@ from gltf_scenes import read
 from obscurance import ao, scenes
 from obscurance.raytrace import AmbientLight, Camera, Lambert, OptionError, Scene, Settings, Shape, render
 from obscurance.raytrace.errors import SceneError
-from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.scenes.description.description import NEUTRAL
 from obscurance.scenes.description.read import read_scene
 

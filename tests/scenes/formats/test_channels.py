@@ -10,7 +10,7 @@ from mesh_files import mesh_file, random_bake, rich_ply
 from trimesh.exchange.gltf import load_glb
 
 from obscurance.raytrace.errors import MeshError
-from obscurance.raytrace.image.srgb import decode_srgb, encode_srgb
+from obscurance.raytrace.image.colour import decode_srgb, encode_srgb
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.unsupported import unsupported_features
 from obscurance.scenes.formats.write import channels, write

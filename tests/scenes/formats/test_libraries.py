@@ -59,7 +59,7 @@ def test_an_ending_is_refused_without_importing_a_library(tmp_path):
 import sys
 from obscurance.raytrace.errors import KernelError
 from obscurance.raytrace.kernel import jit, library
-from obscurance.raytrace.text.lines import survey
+from obscurance.raytrace.text import survey
 from obscurance.scenes.formats.load import load
 try:
     load(sys.argv[1])
@@ -99,4 +99,4 @@ except KernelError as error:
     print(error)
 """
     done = subprocess.run([sys.executable, "-c", code, tmp_path / "m.obj"], capture_output=True, text=True, check=True)
-    assert "obscurance.raytrace.text.lines.survey" in done.stdout
+    assert "obscurance.raytrace.text.survey" in done.stdout

@@ -7,7 +7,7 @@ from gltf_files import QUAD, Builder, check_glb, values
 from kept_contents import bake, columns
 from mesh_files import read, stl
 
-from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.scenes.formats.unsupported import unsupported_features
 
 

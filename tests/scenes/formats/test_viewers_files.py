@@ -10,7 +10,7 @@ from command import obscurance, refused
 from mesh_files import POLYGONS, XYZ, rich_ply
 
 from obscurance import scenes
-from obscurance.raytrace.image.srgb import decode_srgb
+from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.scenes.formats.ply.layout import columns_of
 
 KINDS = {"Float32": "<f4", "Float64": "<f8", "Int64": "<i8", "UInt8": "u1"}

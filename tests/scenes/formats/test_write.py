@@ -9,7 +9,7 @@ from gltf_files import QUAD, check_glb, values
 from mesh_files import mesh_file, random_bake
 
 from obscurance.raytrace.errors import OptionError, OutputError
-from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.scenes.formats.gltf.write import ramp_png
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.write import check_target, write

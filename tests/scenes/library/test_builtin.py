@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from obscurance.raytrace import material_from_dict
+from obscurance.raytrace.brdf.presets import PRESETS
 from obscurance.raytrace.brdf.registry import reflection_models
 from obscurance.raytrace.errors import OptionError, OutputError
-from obscurance.raytrace.materials.presets import PRESETS
 from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.scenes.description.read import read_scene
 from obscurance.scenes.geometry.builtin_shapes import SOLIDS, Box, Cylinder, Plane, Solid, Sphere, Sponge
-from obscurance.scenes.library.catalogue import BUILTIN, builtin_toml, write_builtin
+from obscurance.scenes.library import BUILTIN, builtin_toml, write_builtin
 
 COUNTS = {  # objects, shapes, lights
     "plane_wall": (2, 2, 3),

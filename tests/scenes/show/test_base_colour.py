@@ -12,7 +12,7 @@ from pages import columns_of, faces_of, facts_of
 from PIL import Image
 
 from benchmarks.pictures import chromium
-from obscurance.raytrace.image.srgb import encode_srgb
+from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.show.page.base_colour import base_colour, shrunk
 from obscurance.scenes.show.page.document import html_page

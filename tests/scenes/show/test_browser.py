@@ -11,9 +11,9 @@ from PIL import Image
 from benchmarks.pictures import chromium
 from obscurance import ao
 from obscurance.raytrace import render
+from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.raytrace.image.compare import compare
 from obscurance.raytrace.image.read import read_image
-from obscurance.raytrace.image.srgb import encode_srgb
 from obscurance.scenes.show.look import clay_scene, clay_settings
 from obscurance.scenes.show.page.document import html_of_bakes
 from obscurance.scenes.show.page.encode import Values

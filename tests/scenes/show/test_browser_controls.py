@@ -7,7 +7,7 @@ from meshes import hills
 
 from benchmarks.pictures import chromium
 from obscurance.raytrace import Camera, Mesh
-from obscurance.raytrace.mesh.up import UP
+from obscurance.raytrace.mesh.mesh import UP
 from obscurance.scenes.show.look import FIELD_OF_VIEW
 from obscurance.scenes.show.page.document import html_of_bakes
 from obscurance.scenes.show.page.encode import Values

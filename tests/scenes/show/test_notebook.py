@@ -12,26 +12,26 @@ from project import ROOT
 
 from obscurance import ao
 from obscurance.raytrace import Mesh
-from obscurance.scenes.show.page import notebook
+from obscurance.scenes.show.page import document
 
 
 def test_the_page_is_whole_within_its_frame():
     bake = ao.bake(Mesh(*two_boxes()), samples=8)
-    shown = notebook.framed_page(bake)
+    shown = document.framed_page(bake)
     page = html.unescape(re.fullmatch('<iframe srcdoc="([^"]*)" [^<>]*></iframe>', shown)[1]).encode()
     assert abs(columns_of(page)["w0"] / 65535 - bake.w).max() <= 1 / 65535
     assert facts_of(page)["up"] == "y"
     named = ao.bake(Mesh(*two_boxes(), source="folder/boxes.stl", up="z"), samples=8)
-    page = html.unescape(notebook.framed_page(named)).encode()
+    page = html.unescape(document.framed_page(named)).encode()
     assert (facts_of(page)["up"], facts_of(page)["title"]) == ("z", "boxes.stl")
 
 
 def test_a_large_mesh_is_left_to_the_picture():
-    assert notebook.framed_page(SimpleNamespace(mesh=Mesh(*hills(501)))) is None
+    assert document.framed_page(SimpleNamespace(mesh=Mesh(*hills(501)))) is None
 
 
 def test_the_entry_point_of_the_package_is_this():
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["obscurance.html"]
     (target,) = declared.values()
     module, _, name = target.partition(":")
-    assert getattr(import_module(module), name) is import_module("obscurance.scenes.show.page.notebook").framed_page
+    assert getattr(import_module(module), name) is import_module("obscurance.scenes.show.page.document").framed_page

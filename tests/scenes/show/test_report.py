@@ -17,8 +17,8 @@ from meshes import crumpled, hills
 from pages import facts_of
 
 from obscurance.raytrace import Mesh
+from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.raytrace.image.read import read_image
-from obscurance.raytrace.image.srgb import encode_srgb
 from obscurance.scenes.show.report.pictures import pictures_of_page, pictures_of_vertices
 
 FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1

@@ -6,8 +6,8 @@ from command import obscurance
 from fuzz_seeds import DAE, MODEL, archive
 from PIL import Image
 
+from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.image.read import read_image
-from obscurance.raytrace.image.srgb import decode_srgb
 from obscurance.scenes.description.textured import read_mesh
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.show.page.base_colour import base_colour

@@ -11,7 +11,7 @@ from mesh_files import mistake, random_bake, read
 from scipy.spatial.transform import Rotation
 
 from obscurance import ao
-from obscurance.raytrace.mesh.up import TO_Y_UP
+from obscurance.raytrace.mesh.mesh import TO_Y_UP
 from obscurance.scenes.description.read import read_scene
 from obscurance.scenes.formats.gltf.textured import textured_glb
 from obscurance.scenes.formats.load import load

@@ -9,8 +9,8 @@ from kept_contents import bake, columns
 
 from obscurance.raytrace.image.texture import Texture, texture_alpha
 from obscurance.scenes.formats.load import load
-from obscurance.scenes.formats.obj.attributes import MAX_OBJECTS
 from obscurance.scenes.formats.obj.mtl import read_mtl
+from obscurance.scenes.formats.obj.read import MAX_OBJECTS
 
 OBJ = """mtllib paint.mtl
 v 0 0 0 1 0 0

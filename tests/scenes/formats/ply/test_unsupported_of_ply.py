@@ -5,7 +5,7 @@ from gltf_files import check_glb, values
 from kept_contents import bake, columns
 from mesh_files import XYZ, ascii_ply, rich_ply
 
-from obscurance.raytrace.image.srgb import decode_srgb, encode_srgb
+from obscurance.raytrace.image.colour import decode_srgb, encode_srgb
 from obscurance.scenes.formats.load import load
 
 

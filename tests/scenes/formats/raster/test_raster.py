@@ -1,5 +1,6 @@
 """Sky-view factors of terrain against closed forms, and what rasters keep."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,7 +8,9 @@ import pytest
 import trimesh
 from command import obscurance, refused
 
+import obscurance as package
 from obscurance import scenes
+from obscurance.scenes.geometry.instances import with_sides
 
 rasterio = pytest.importorskip("rasterio")
 from rasterio.enums import ColorInterp  # noqa: E402
@@ -18,10 +21,10 @@ LONG = 400.0  # cells along a valley, of the unit across, so that it is as good 
 NOWHERE = -9999.0
 
 
-def write(path, heights, across=1.0, along=1.0, crs="EPSG:32632", **more):
+def write(path, heights, across=1.0, along=1.0, crs="EPSG:32632", west=5e5, **more):
     """A raster whose rows go southwards from (5e5, 5e6)."""
     form = {"driver": "GTiff", "dtype": "float32", "nodata": NOWHERE, "count": 1, "crs": crs} | more
-    place = {"transform": Affine(across, 0, 5e5, 0, -along, 5e6)}
+    place = {"transform": Affine(across, 0, west, 0, -along, 5e6)}
     size = {"height": heights.shape[0], "width": heights.shape[1]}
     with rasterio.open(path, "w", **form, **place, **size) as file:
         file.write(heights.astype(form["dtype"]), 1)
@@ -225,6 +228,52 @@ def test_degrees_are_known_without_a_reference_system(tmp_path, cell, corner, is
         )
     else:
         assert done.returncode == 0
+
+
+@pytest.mark.parametrize("system", ["EPSG:32632", "EPSG:2263"])
+def test_occluders_lie_where_their_coordinates_are(tmp_path, system):
+    """A terrace east of a plain: one raster, two rasters, or a raster and a wall in coordinates of the system."""
+    heights = np.where(np.arange(60) < 30, 0.0, 15.0) + np.zeros((31, 1))
+    write(tmp_path / "whole.tif", heights, crs=system)
+    write(tmp_path / "plain.tif", heights[:, :30], crs=system)
+    write(tmp_path / "terrace.tif", heights[:, 30:], crs=system, west=5e5 + 30)
+    unit = rasterio.crs.CRS.from_string(system).linear_units_factor[1]
+    x, y = 5e5 + 30.5, (5e6 - 0.5, 5e6 - 30.5)
+    corners = [(x, y[0], -1), (x, y[1], -1), (x, y[1], 15 / unit), (x, y[0], 15 / unit)]
+    lines = [f"v {a} {b} {c}" for a, b, c in corners]
+    (tmp_path / "wall.obj").write_text("\n".join([*lines, "f 1 2 3 4"]))
+    options = "--normals", "up", "--no-denoise", "--samples", 2048
+    found = {}
+    for name, occluder in {"whole": None, "plain": None, "beside": "terrace.tif", "behind": "wall.obj"}.items():
+        path = tmp_path / ("whole.tif" if name == "whole" else "plain.tif")
+        line = ["--occluder", tmp_path / occluder] if occluder else []
+        assert (
+            obscurance("bake", path, "-o", tmp_path / "w.npy", "--falloff", "binary", *options, *line).returncode == 0
+        )
+        found[name] = np.load(tmp_path / "w.npy").reshape(31, -1)[15, :29]
+    plain, terrace = (scenes.load(tmp_path / name) for name in ("plain.tif", "terrace.tif"))
+    moved = replace(terrace.mesh, vertices=terrace.mesh.vertices + np.array([30 * unit, 0, 0]))  # beside the plain's
+    arrays = with_sides(moved, 0.0)
+    given = {"falloff": "binary", "normals": "up", "denoise": False, "samples": 2048}
+    w = [package.bake(plain, occluder=each, **given).w.reshape(31, -1)[15, :29] for each in (terrace, arrays)]
+    np.testing.assert_allclose(w, [found["beside"]] * 2, atol=1e-3)
+    assert found["plain"].min() == 1
+    assert found["whole"][0] - found["whole"][-1] > 0.3
+    np.testing.assert_allclose(found["beside"], found["whole"], atol=0.015)
+    np.testing.assert_allclose(found["behind"], found["whole"], atol=0.03)
+
+
+def test_a_raster_occludes_a_mesh_in_its_coordinates_and_one_elsewhere_is_told(tmp_path):
+    write(tmp_path / "roof.tif", np.full((9, 9), 2.0))
+    lines = [f"v {5e5 + x} {5e6 - y} 0" for x, y in ((4, 4), (4, 5), (5, 5), (5, 4))]
+    (tmp_path / "floor.obj").write_text("\n".join([*lines, "f 1 2 3 4"]))
+    line = "-o", tmp_path / "w.npy", "--falloff", "binary", "--samples", 1024, "--occluder", tmp_path / "roof.tif"
+    done = obscurance("bake", tmp_path / "floor.obj", *line)
+    assert done.returncode == 0
+    assert np.load(tmp_path / "w.npy").max() < 0.05  # terrain is solid: its sides reach down to the floor
+    assert "away" not in done.stderr
+    (tmp_path / "floor.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
+    assert "roof.tif: it lies " in obscurance("bake", tmp_path / "floor.obj", *line).stderr
 
 
 def test_a_plane_is_open_and_the_grid_is_kept(tmp_path):

@@ -1,1 +1,0 @@
-"""The only door to Embree: its library, packets of rays, scenes, point queries."""

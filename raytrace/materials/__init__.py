@@ -1,1 +1,0 @@
-"""Typed material parameters, presets, and reflection over arrays."""

@@ -1,1 +1,0 @@
-"""Hashes, low-discrepancy points, and warps of them to directions."""

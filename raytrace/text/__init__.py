@@ -1,1 +1,0 @@
-"""Reading numbers and lines from the bytes of text files, in kernels."""

@@ -1,0 +1,59 @@
+"""OFF, text: vertices, then polygons (Geomview manual, "OFF Files": OFF, COFF, NOFF, STOFF and their combinations).
+
+An own reader because the variants' extra columns must not pass for coordinates, counts are not to be trusted, and
+concave polygons and the order of vertices are kept, all in bounded memory (evidence/reliability.md).
+"""
+
+import re
+
+from obscurance.raytrace.errors import MeshError
+
+from ..geometry.instances import Instance
+from ..geometry.polygons import triangulate
+from .number_rows import NumberRows, whole
+from .table import MeshInput
+
+_HEADER = re.compile(rb"(?:\s|#[^\n\r]*+)*+((?:ST)?C?N?)OFF\b(?!\s+BINARY)")
+
+
+def read_off(mesh_input: MeshInput) -> list[Instance]:
+    """The triangles, with normals of the variant N; no colours. Raises: MeshError, ValueError: it is malformed."""
+    source = mesh_input.source
+    data = mesh_input.file.read()
+    header = _HEADER.match(data)
+    if not header:
+        raise MeshError(source, "content", "an OFF file of text with three coordinates a vertex", "another header")
+    lines = NumberRows.of(data, header.end())
+    # The first row: numbers of vertices and of faces.
+    expected = "a number of vertices and one of faces"
+    fault = MeshError(source, "content", expected, "fewer numbers")
+    counts = whole(lines.take(slice(1), 0, 2, fault))
+    vertex_count, face_count = [*counts.tolist(), 0, 0][:2]
+    if vertex_count < 1 or face_count < 0:
+        raise MeshError(source, "content", expected, f"{vertex_count} and {face_count}")
+    # A row for each vertex, then one for each face.
+    expected = f"{vertex_count} vertices and {face_count} faces"
+    of_vertices = slice(1, 1 + vertex_count)
+    of_faces = slice(1 + vertex_count, 1 + vertex_count + face_count)
+    if len(lines.lengths) < of_faces.stop:
+        raise MeshError(source, "content", expected, "an end before that")
+    fault = MeshError(source, "content", expected, "lines of fewer numbers")
+    has_normals = b"N" in header[1]
+    columns = 6 if has_normals else 3
+    vertex_rows = lines.take(of_vertices, 0, columns, fault).reshape(-1, columns)
+    sizes, values = lines.take_lists(of_faces, 0, fault)
+    corners = whole(values)
+    vertices = vertex_rows[:, :3]
+    triangles = triangulate(vertices, corners, sizes, source)
+    has_colours = b"C" in header[1] or bool((lines.lengths[of_faces] > sizes + 1).any())
+    return [
+        Instance(
+            mesh_input.name,
+            vertices,
+            triangles.take(corners),
+            vertex_rows[:, 3:] if has_normals else None,
+            notes=triangles.notes,
+            unread=("colours",) if has_colours else (),
+            polygons=triangles.polygons,
+        )
+    ]

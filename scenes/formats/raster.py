@@ -1,0 +1,169 @@
+"""Height rasters by rasterio (GDAL), GeoTIFF and Esri ASCII grids: terrain in, w of every cell out.
+
+A vertex is at the centre of every cell that has data, two triangles are between four. Cells are taken to metres, by the
+unit of the reference system, from the corner of the raster; heights by their scale, offset and unit, which GDAL finds
+in a vertical reference system, too.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from obscurance.ao import Bake
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.system.checks import check_memory
+from obscurance.raytrace.types import Bools, Float64s
+
+from ..geometry.instances import Instance
+from .load import MeshFile, parser_errors
+from .table import MeshInput, format_of, is_raster
+
+if TYPE_CHECKING:
+    from rasterio.io import DatasetReader
+
+_DRIVERS = {".asc": "AAIGrid", ".tif": "GTiff", ".tiff": "GTiff"}  # others of GDAL open what a content names
+_IN_MEMORY = re.compile(r"\S*[0-9a-f-]{36}\.tif:? *")  # GDAL's name of the content
+_FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048} | dict.fromkeys(
+    ("us survey foot", "us survey feet", "us-ft", "ft-us", "ftus", "foot_us"), 1200 / 3937
+)
+_METRES = "", "m", "metre", "metres", "meter", "meters"
+_VOID, _HUGE = -32768.0, 1e30  # heights that no tag need name: of SRTM, and of float32 below ±3.4e38
+_DEGREES, _AROUND = 0.05, 360.0  # cells smaller than that, with corners within that, are in degrees
+_CELL = 240  # bytes of memory a cell takes until it is a vertex and two triangles
+_PACKED, _FEW = 1100, 1 << 20  # cells that a byte of file holds at most; so many that any file may have
+_NO_DATA = -9999.0
+_KEPT = "width", "height", "crs", "transform"
+
+
+def read_raster(mesh_input: MeshInput) -> list[Instance]:
+    """The surface through the cells of the first band, z upwards.
+
+    Raises: MeshError: no cell has data, cells are in degrees, or there are several bands. Others as `opened`.
+    """
+    with opened(mesh_input.file, mesh_input.source) as raster:
+        heights, has_data, notes = cells_of(raster)
+        transform = raster.transform
+        unit = _unit_of(raster, mesh_input.source)
+        if not raster.crs:
+            notes += ("it names no reference system: cells are taken for metres",)
+    if not has_data.any():
+        raise MeshError(mesh_input.source, "cells", "some with data", "none")
+    cell_rows, cell_columns = np.nonzero(has_data)
+    x = transform.a * (cell_columns + 0.5) + transform.b * (cell_rows + 0.5)
+    y = transform.d * (cell_columns + 0.5) + transform.e * (cell_rows + 0.5)
+    vertices = np.stack([unit * x, unit * y, heights[has_data]], axis=1)
+    number = np.full(heights.shape, -1)
+    number[has_data] = np.arange(len(vertices))
+    corners = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+    faces = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+    faces = faces[(faces >= 0).all(axis=1)]
+    if transform.determinant > 0:  # rows go northwards
+        faces = faces[:, ::-1]
+    to_system = np.diag([1 / unit, 1 / unit, 1 / unit, 1.0])
+    to_system[:2, 3] = transform.c, transform.f
+    return [Instance(mesh_input.name, vertices, faces, up="z", notes=notes, to_system=to_system)]
+
+
+def _unit_of(raster: DatasetReader, source: str) -> float:
+    """The unit of the cells' places in metres. Raises: MeshError: they are in degrees."""
+    if raster.crs:
+        if raster.crs.is_geographic:
+            expected = "cells in a unit of length: gdalwarp -t_srs EPSG:326NN, for UTM, makes such"
+            raise MeshError(source, "reference system", expected, f"degrees, {raster.crs.to_string()}")
+        factor: float = raster.crs.linear_units_factor[1]
+        return factor
+    if abs(raster.transform.determinant) < _DEGREES**2 and max(map(abs, raster.bounds)) <= _AROUND:
+        makes = "gdalwarp -s_srs EPSG:4326 -t_srs EPSG:326NN, for UTM, makes such"
+        expected = f"cells in a unit of length: {makes}, gdal_translate -a_srs EPSG:326NN says that they are"
+        raise MeshError(source, "reference system", expected, f"none, and cells of {raster.transform.a:g}, as degrees")
+    return 1.0
+
+
+class Cells(NamedTuple):
+    """The heights of a raster.
+
+    Attributes: heights: (h, w) in metres. has_data: (h, w), where there is one. notes: warnings.
+    """
+
+    heights: Float64s
+    has_data: Bools
+    notes: tuple[str, ...]
+
+
+def cells_of(raster: DatasetReader) -> Cells:
+    """The heights of the first band, by its scale, offset and unit."""
+    stored: Float64s = raster.read(1).astype(np.float64)
+    has_data: Bools = (raster.read_masks(1) > 0) & np.isfinite(stored)
+    notes = []
+    void = has_data & ((stored == _VOID) | (np.abs(stored) > _HUGE))
+    if void.any():
+        notes.append(f"{np.count_nonzero(void):,} cells of {stored[void][0]:g}, which no tag names, are taken for gaps")
+    name = raster.units[0] or ""
+    unit = _FEET.get(name.lower(), 1.0)
+    if unit != 1:
+        notes.append(f"heights are in {name} and taken to metres")
+    elif name.lower() not in _METRES:
+        notes.append(f"heights are in {name}, which is taken for metres")
+    return Cells(unit * (stored * raster.scales[0] + raster.offsets[0]), has_data & ~void, tuple(notes))
+
+
+def opened(file: Any, source: str) -> DatasetReader:
+    """A raster in a file of the format that its name's ending says, by which GDAL opens no other file.
+
+    Raises:
+        MeshError: it is none, or has more cells than its bytes can hold. MemoryLimitError: its cells do not fit.
+        ModuleNotFoundError: there is no rasterio.
+    """
+    import rasterio
+    from rasterio.enums import MaskFlags
+    from rasterio.errors import RasterioError
+
+    try:
+        raster = rasterio.open(file, driver=_DRIVERS[Path(source).suffix.lower()])
+    except RasterioError as reason:
+        got = "another format" if "not recognized" in str(reason) else _IN_MEMORY.sub("", str(reason))
+        raise MeshError(source, "content", f"a raster of heights, {format_of(source).name}", got) from None
+    if raster.count > 1 and MaskFlags.alpha not in raster.mask_flag_enums[0]:
+        raise MeshError(source, "bands", "one, of heights: gdal_translate -b 1 takes the first", raster.count)
+    stored = file.seek(0, os.SEEK_END)
+    cells, block = raster.width * raster.height, raster.count * int(np.prod(raster.block_shapes[0]))
+    if max(cells, block) > max(_PACKED * stored, _FEW):
+        got = f"{raster.width:,}×{raster.height:,}"
+        if block > cells:
+            got += " in tiles of {:,}×{:,}".format(*raster.block_shapes[0][::-1])
+        raise MeshError(source, "cells", f"as many as {stored:,} bytes can hold", got)
+    check_memory(source, _CELL * cells + 16 * block, f"to read {cells:,} cells")
+    return raster
+
+
+def raster(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
+    """A GeoTIFF of w and, as a second band, its standard error where that is known, float32.
+
+    Raises: OptionError: what was baked is no raster.
+    """
+    if not is_raster(mesh_file.path):
+        raise OptionError("output", "an image of a texture, or terrain as the input", mesh_file.path)
+    path = mesh_file.path
+    with parser_errors(path), path.open("rb") as file, opened(file, str(path)) as source:
+        has_data = cells_of(source).has_data
+        grid = {name: source.profile[name] for name in _KEPT}
+    bands = {"obscurance": bake.w, "standard error": bake.error}
+    known_bands = {name: values for name, values in bands.items() if values is not None}
+    from rasterio.io import MemoryFile
+
+    with warnings.catch_warnings(action="ignore"), MemoryFile() as memory:  # that the raster has no place
+        form = {"driver": "GTiff", "dtype": "float32", "nodata": _NO_DATA, "compress": "deflate"}
+        with memory.open(**grid, **form, count=len(known_bands)) as target:
+            for number, (name, values) in enumerate(known_bands.items(), 1):
+                cells = np.full(has_data.shape, _NO_DATA, np.float32)
+                cells[has_data] = values
+                target.write(cells, number)
+                target.set_band_description(number, name)
+        content: bytes = memory.read()
+    return content

@@ -1,0 +1,118 @@
+"""Interpolation over a triangle, against the textbook's example and its own definitions."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from newell import newell_normal
+
+from obscurance.raytrace import BlinnPhong, Phong
+from obscurance.raytrace.brdf.reflect import reflect
+from obscurance.raytrace.shade.interaction import centroid, interpolate, phong_normal, quadratic_normal
+
+P = [(2.0, 2.0, 1.0), (6.0, 2.0, 1.0), (4.0, 5.0, 1.0)]
+NORMALS = [tuple(np.array(n) / np.linalg.norm(n)) for n in ([-1, -1, 1], [1, 0, 0], [0, 1, 1])]
+UP = np.array([0, 0, 1.0])
+PAINT = {"k_d": 0.3, "k_s": 0.6, "exponent": 3, "k_a": 0.3}
+
+
+def intensity(n, material=BlinnPhong):
+    """I_e = 2, I_a = 1, I_i = 12 of the example, light and viewer along z."""
+    return 2 + 0.3 + 12 * reflect(material(**PAINT), n, UP, UP)[0]
+
+
+def barycentric(point):
+    a = np.array([np.subtract(P[1], P[0]), np.subtract(P[2], P[0])]).T[:2]
+    return tuple(np.linalg.solve(a, np.subtract(point, P[0])[:2]))
+
+
+def test_worked_example_b():
+    s = barycentric([4, 3, 1])
+    assert centroid(*P) == pytest.approx((4, 3, 1))
+    matte = BlinnPhong(k_d=0.3, k_s=0)
+    assert 2.3 + 12 * reflect(matte, newell_normal(P), UP, UP)[0] == pytest.approx(5.9, abs=1e-9)  # no highlight here
+
+    corners = [intensity(n) for n in NORMALS]
+    np.testing.assert_allclose(corners, [5.764102, 2.3, 7.391169], atol=5e-7)
+    grey = [(c, c, c) for c in corners]
+    a, b = barycentric([2 + 2 / 3, 3, 1]), barycentric([6 - 2 / 3, 3, 1])
+    assert interpolate(*grey, *a)[0] == pytest.approx(6.306457, abs=6e-7)
+    assert interpolate(*grey, *b)[0] == pytest.approx(3.997056, abs=6e-7)
+    assert interpolate(*grey, *s)[0] == pytest.approx(5.151757, abs=6e-7)  # the slide's 5.13 is rounding
+
+    n = phong_normal(*NORMALS, *s)
+    np.testing.assert_allclose(n, [0.311134, 0.095520, 0.945554], atol=5e-7)
+    assert intensity(n) == pytest.approx(11.790820, abs=5e-7)
+
+
+def test_the_slide_s_phong_value_comes_from_its_rounded_normal():
+    """Its n_b lacks the division by 3 and its n_a has a sign slip; only [.02, .49, .874] gives 10.253 back."""
+    n = np.array([0.02, 0.49, 0.874])
+    exact = 2.3 + 12 * (0.3 * n[2] + 0.6 * n[2] ** 3)
+    assert exact == pytest.approx(10.253, abs=2e-3)
+
+
+def test_halfway_and_mirror_forms_differ_at_the_vertices():
+    assert intensity(NORMALS[0], Phong) < intensity(NORMALS[0])
+
+
+unit_normals = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda a: np.linalg.norm(a) > 0.1).map(
+    lambda a: tuple(np.array(a) / np.linalg.norm(a)))  # fmt: skip
+points = st.tuples(*[st.floats(-5, 5)] * 3)
+fractions = st.floats(0, 1)
+
+
+@settings(deadline=None, max_examples=200, derandomize=True)
+@given(points, points, points, unit_normals, unit_normals, unit_normals, fractions)
+def test_on_an_edge_the_quadratic_normal_is_the_paper_s(p0, p1, p2, n0, n1, n2, s):
+    w = np.subtract(p1, p0)
+    if np.linalg.norm(w) < 1e-3:
+        return
+    a = 3 * (np.add(n0, n1) @ w) / (w @ w) * w
+    expected = np.array(n0) + (np.subtract(n1, n0) - a) * s + a * s * s
+    if np.linalg.norm(expected) < 1e-6:
+        return
+    got = np.array(quadratic_normal(p0, p1, p2, n0, n1, n2, s, 0.0))
+    np.testing.assert_allclose(got, expected / np.linalg.norm(expected), atol=1e-8)
+
+
+@settings(deadline=None, max_examples=100, derandomize=True)
+@given(points, points, unit_normals, unit_normals)
+def test_quadratic_normals_are_on_average_perpendicular_to_the_edge(p0, p1, n0, n1):
+    """∫ n(s)·w ds = 0: the defining property, which linear interpolation lacks."""
+    w = np.subtract(p1, p0)
+    if np.linalg.norm(w) < 1e-3:
+        return
+    a = 3 * (np.add(n0, n1) @ w) / (w @ w) * w
+    b = np.subtract(n1, n0) - a
+    s = np.array([0.5 - np.sqrt(3) / 6, 0.5 + np.sqrt(3) / 6])  # Gauss, exact for quadratics
+    values = np.array(n0) + np.outer(s, b) + np.outer(s * s, a)
+    assert np.mean(values @ w) == pytest.approx(0, abs=1e-9 * (1 + w @ w))
+
+
+@pytest.mark.parametrize(
+    "kernel", [lambda *a: phong_normal(*NORMALS, *a), lambda *a: quadratic_normal(*P, *NORMALS, *a)]
+)
+def test_corners_keep_their_normals(kernel):
+    for (u, v), n in zip([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], NORMALS, strict=True):
+        np.testing.assert_allclose(kernel(u, v), n, atol=1e-15)
+
+
+def test_quadratic_shading_turns_where_linear_stays_flat():
+    """Equal normals tilted along the edge: linear interpolation sees a flat face, the quadratic one a wave."""
+    tilted = (0.6, 0.0, 0.8)
+    p = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    assert phong_normal(tilted, tilted, tilted, 0.5, 0.0) == pytest.approx(tilted)
+    middle = quadratic_normal(*p, tilted, tilted, tilted, 0.5, 0.0)
+    assert middle[0] < -0.3
+
+
+def test_quadratic_equals_linear_on_a_flat_face():
+    for u, v in ((0.2, 0.3), (0.6, 0.1)):
+        assert quadratic_normal(*P, *[(0.0, 0.0, 1.0)] * 3, u, v) == pytest.approx((0, 0, 1))
+
+
+def test_degenerate_triangles_and_cancelling_normals_give_zero_not_nan():
+    point = (1.0, 2.0, 3.0)
+    assert phong_normal((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 0.0, 1.0), 0.5, 0.0) == (0, 0, 0)
+    assert np.isfinite(quadratic_normal(point, point, point, *NORMALS, 0.3, 0.3)).all()
