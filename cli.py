@@ -6,7 +6,7 @@ import sys
 
 from obscurance.raytrace.system import interrupts
 
-interrupts.end_process()
+interrupts.take()
 if gc.isenabled():
     gc.set_threshold(100_000)  # what is imported stays: to look for garbage in it takes 5 % of a short bake
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # or NumPy starts threads that no command uses, and they spin
@@ -286,6 +286,7 @@ def main() -> None:
         status = interrupts.exit_status()
     except SystemExit as end:  # a batch, which has said what is baked
         status = interrupts.exit_status() if end.code == 130 else end.code
+    interrupts.end_process()
     if "OpenImageIO" not in sys.modules:  # which complains of what is left
         gc.freeze()  # or the interpreter, as it ends, looks for garbage in what was imported
     sys.exit(status)

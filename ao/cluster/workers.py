@@ -5,6 +5,7 @@ all that had it are lost, and gives the blocks of lost workers to others.
 """
 
 import asyncio
+import atexit
 import hashlib
 import logging
 import os
@@ -25,6 +26,7 @@ from typing import Any, Self
 
 import numpy as np
 from distributed import Future, KilledWorker, Worker, get_worker
+from distributed.deploy.spec import close_clusters
 
 from obscurance.raytrace.errors import ClusterError, InputError, MemoryLimitError, OptionError
 from obscurance.raytrace.system.threads import thread_count
@@ -189,8 +191,8 @@ class Workers:
     def __enter__(self) -> Self:
         try:
             self._open()
-        except BaseException:
-            self.__exit__()
+        except BaseException as reason:
+            self.__exit__(type(reason))
             raise
         if not self._count and not self._address.startswith(("tls://", "wss://")):
             danger = "whoever reaches this scheduler can run code on its workers and here; tls:// keeps others out"
@@ -213,6 +215,7 @@ class Workers:
             threads = max(self._threads // self._count, 1)
             with _without_interrupts():
                 self._local = target = distributed.LocalCluster(**LOCAL | {"threads_per_worker": threads})
+            atexit.unregister(close_clusters)  # which waits for ten seconds where an interrupt comes as it is closed
         try:
             self._client = distributed.Client(target, set_as_default=False, timeout=_CONNECT)
         except (OSError, TimeoutError, ValueError) as reason:
@@ -221,12 +224,12 @@ class Workers:
         if self._count:
             self._local.scale(self._count)  # now: cluster and client, as they are made, wait for the last one to start
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._client:
             with suppress(Exception):
                 self._client.close()
         if self._local:
-            self._local.loop.add_callback(_kill, self._local)  # ends with the loop
+            self._local.loop.add_callback(_kill, self._local, 0.0 if kind else _END)  # ends with the loop
             with suppress(Exception):
                 self._local.close()
         if self._safe_path is None:
@@ -406,9 +409,9 @@ class Workers:
             self._notify(f"worker {worker} gets no work: {name}: expected {expected}, got {got}")
 
 
-async def _kill(local: Any) -> None:
-    """End workers on this machine that Dask would wait for: those that are starting, and after a while all."""
-    end = time.monotonic() + _END
+async def _kill(local: Any, patience: float) -> None:
+    """End workers on this machine that Dask would wait for: those that are starting, and after some seconds all."""
+    end = time.monotonic() + patience
     while True:
         for nanny in list(local._created):
             worker = nanny.process

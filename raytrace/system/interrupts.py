@@ -21,14 +21,20 @@ at_once: list[Callable[[], object]] = []
 """What is called before the process is ended in the middle of a step: what blocks would do at their end."""
 
 
-def end_process() -> None:
+def take() -> None:
     """Both signals end the process in a line from now on: nothing is written while modules are imported."""
     main = sys.modules.get("__mp_main__")  # another one in workers of multiprocessing, which run the command's module
     if threading.current_thread() is threading.main_thread() and main in (None, sys.modules["__main__"]):
         for number, usual in _USUAL.items():
             if signal.getsignal(number) is usual:  # not ignored, as in the background of a script
-                signal.signal(number, _end)
                 _taken.append(number)
+        end_process()
+
+
+def end_process() -> None:
+    """The same once all is written, while Python ends."""
+    for number in _taken:
+        signal.signal(number, _end)
 
 
 def raise_interrupt() -> None:

@@ -94,13 +94,12 @@ def interrupted_command(module, *arguments):
 
 def _status():
     try:
-        cli.main()
+        return cli._run()  # `main` also changes what signals do
     except SystemExit as end:
         return end.code or 0
     except Exception:
         traceback.print_exc()
         return 1
-    return 0
 
 
 @contextmanager

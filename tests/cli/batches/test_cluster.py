@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 from clusters import LEFT_SOCKETS, impatient, left_sockets, small_blocks
@@ -110,6 +111,35 @@ def test_an_interrupt_of_a_bake_and_its_workers_is_one_line_at_once(tmp_path, me
     kept, last = errors.splitlines()[:-1], errors.splitlines()[-1]
     assert (running.returncode, last) == (status, "interrupted; no file is half-written")
     assert len(kept) == sum(".partial-" in path.name for path in tmp_path.iterdir()) <= 1  # after ten seconds
+
+
+CLOSING = """if __name__ == "__main__":
+    import os, threading
+    from distributed import LocalCluster
+    from obscurance.cli import main
+    close = LocalCluster.close
+    def interrupted(cluster):
+        print("closing", flush=True)
+        threading.Timer(0.02, os.kill, (os.getpid(), 2)).start()
+        close(cluster)
+    LocalCluster.close = interrupted
+    main()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals")
+def test_an_interrupt_as_workers_are_ended_waits_for_nothing(tmp_path, mesh):
+    """Dask would close the cluster once more at the end, and wait for ten seconds."""
+    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
+    command = [sys.executable, "-c", CLOSING, "bake", mesh, "-o", tmp_path / "w.npz", "--quiet", "--cluster", "local"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with started(command, env=environment(), **pipes) as running:
+        assert running.stdout.readline() == "closing\n"
+        begun = time.monotonic()
+        errors = running.communicate(timeout=60)[1]
+        seconds = time.monotonic() - begun
+    assert (running.returncode, errors) == (130, "interrupted; no file is half-written\n")
+    assert seconds < 9
 
 
 def test_a_worker_that_does_not_see_the_files_of_a_batch_is_named(tmp_path):

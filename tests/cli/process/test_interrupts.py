@@ -136,7 +136,7 @@ def test_rows_outlive_an_output_that_cannot_be_written(tmp_path, monkeypatch):
 TWICE = """
 import os, signal
 from obscurance.raytrace.system import interrupts
-interrupts.end_process()
+interrupts.take()
 interrupts.raise_interrupt()
 try:
     os.kill(os.getpid(), signal.SIGTERM)
@@ -215,7 +215,7 @@ def test_a_signal_at_any_moment_ends_the_command_within_a_second(tmp_path, stage
                 slowest.append((time.monotonic() - sent) / max(before, burden()))
                 if running.returncode not in (0, -by):  # Python ends, or has not begun
                     assert running.returncode == 128 + by
-                    assert errors.splitlines()[-1].startswith("interrupted")
+                    assert "interrupted" in errors.splitlines()[-1]
                 assert not any(words in errors for words in ("Traceback", "Exception ignored")), errors
             latest = time.monotonic() + 10
             while living(running.pid) and time.monotonic() < latest:  # workers notice that it has gone
