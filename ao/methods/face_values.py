@@ -10,7 +10,6 @@ from obscurance.raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..estimate.estimate import estimate_outside
 from ..estimate.inside import inside_solids
-from ..estimate.links import linked
 from ..estimate.one_ring import Neighbours
 from ..estimate.sampling_error import derive
 from ..estimate.sites import SEVERAL_PLACES, Sites
@@ -21,6 +20,7 @@ from ..points.smooth_surface import PointGroups, SmoothSurface, VertexAxes
 from ..points.surface_samples import SurfaceSamples
 from ..prepared import Prepared
 from ..result import BakedElements, PointValues
+from .links import linked
 
 _SAMPLES = 1 << 16  # of all faces together, by area, where there are few
 _LEAST, _MOST = 1, 6  # subdivisions of a face into four, with a sample in each triangle

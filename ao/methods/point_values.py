@@ -19,7 +19,6 @@ from obscurance.raytrace.types import Float64s, UInt8s
 
 from ..declared import known_names
 from ..estimate.estimate import estimate
-from ..estimate.links import linked
 from ..estimate.sites import ONE_PLACE, Sites
 from ..estimate.tolerance import shortfalls
 from ..execute.tracer import Progress
@@ -29,6 +28,7 @@ from ..points.points import Points
 from ..points.receivers import Flag
 from ..prepared import Prepared
 from ..result import Bake, BakedElements, PointValues, assemble
+from .links import linked
 
 _NEIGHBOURS = 6  # of a point, over which it is denoised, and to the last of which a disc reaches
 _LIFT = 0.5  # of a disc's radius, from which rays of its point start: neighbours' discs are below that

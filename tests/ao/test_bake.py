@@ -48,7 +48,7 @@ def test_rays_are_counted():
     sphere = trimesh.creation.icosphere(subdivisions=3)
     soup = Mesh(sphere.triangles.reshape(-1, 3), np.arange(3 * len(sphere.faces)).reshape(-1, 3))
     baked = ao.bake(soup, ao.Binary(), samples=10, progress=lambda done, total, stage: calls.append((done, total)))
-    points, calibration = len(sphere.vertices), 128
+    points, calibration = len(sphere.vertices), 2 * 128
     assert baked.rays == 10 * (points + calibration)
     skipped = dict.fromkeys(("no_normal", "not_wanted", "predicted", "hidden"), 0)
     skipped["duplicate"] = 10 * (len(soup.vertices) - points)

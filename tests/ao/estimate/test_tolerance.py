@@ -12,8 +12,8 @@ from benchmarks.accuracy.dense_meshes import JUMPS, PAIRS
 from benchmarks.accuracy.density import Judgement, Truth
 from obscurance import ao
 from obscurance.ao.estimate.cells import Cells, nearest_baked
-from obscurance.ao.estimate.copies import Copies
 from obscurance.ao.estimate.one_ring import Neighbours
+from obscurance.ao.estimate.probes import Copies
 from obscurance.ao.estimate.upsampling import upsample
 from obscurance.ao.execute.tracer import Tracer
 from obscurance.ao.points.receivers import find_receivers

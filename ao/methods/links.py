@@ -5,7 +5,7 @@ from scipy.sparse import coo_array, csr_array
 
 from obscurance.raytrace.types import AnyInts, Float32s
 
-from .one_ring import Neighbours
+from ..estimate.one_ring import Neighbours
 
 
 def linked(here: AnyInts, there: AnyInts, normals: Float32s, threads: int) -> Neighbours:
