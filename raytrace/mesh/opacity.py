@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..errors import OptionError, check_type, numbers
-from ..image.texture import blend, four_texels
+from ..image.texture_lookup import blend, four_texels
 from ..kernel.jit import inline, kernel
 from ..types import Bools, Float32Rows, Float64Grid, Float64Rows, Float64s, Int64Rows, Int64s
 

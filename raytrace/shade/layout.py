@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from ..image.texture import PackedTextures
+from ..image.texture_lookup import PackedTextures
 from ..kernel.jit import inline
 from ..kernel.simd import load_row, select, store_row
 from ..types import (

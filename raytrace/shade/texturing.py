@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from ..image.texture import sample_texture
+from ..image.texture_lookup import sample_texture
 from ..kernel.jit import inline
 from ..kernel.simd import WIDE, double, gather, gather3, lane_numbers, load_row, pick, replace, select, single
 from ..kernel.vector import add, cross, dot, multiply, perpendicular, scale

@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from obscurance.raytrace.errors import MeshError, OptionError, SceneError
 from obscurance.raytrace.image.read import read_image
-from obscurance.raytrace.image.texture import pack_textures, sample_points
+from obscurance.raytrace.image.texture import pack_textures
+from obscurance.raytrace.image.texture_lookup import sample_points
 from obscurance.raytrace.mesh.weld import first_alike
 from obscurance.raytrace.system.atomic import PathName
 from obscurance.raytrace.system.checks import check_regular

@@ -13,7 +13,8 @@ from frames import plain
 
 from obscurance.raytrace.errors import InputError, OptionError
 from obscurance.raytrace.image.colour import decode_srgb
-from obscurance.raytrace.image.texture import WRAPS, LazyTextures, Texture, pack_textures, sample_texture
+from obscurance.raytrace.image.texture import WRAPS, LazyTextures, Texture, pack_textures
+from obscurance.raytrace.image.texture_lookup import sample_texture
 from obscurance.raytrace.kernel.jit import kernel
 
 
