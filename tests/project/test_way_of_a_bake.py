@@ -10,7 +10,7 @@ from mesh_files import obj, ply
 from project import ROOT, environment
 
 FILES, MOVES = 24, 159  # of the command and of `scenes`, where a bake is decided, read and written
-MODULES = 140  # of the packages
+MODULES = 125  # of the packages
 NEEDLESS = {
     *(
         "numpy.ma",
