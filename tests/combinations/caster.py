@@ -1,0 +1,115 @@
+"""Rays against patches, one by one in double precision, and w by them. Nothing of the baker is used."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_LIFT, _CLOSE = 1e-9, 1e-6  # of the scene's size: where rays start, and what touches
+_PARTS = 8  # of the rays of a value, from whose spread its error follows
+
+
+@dataclass(frozen=True)
+class Medium:
+    """What rays meet, and what that takes.
+
+    Attributes:
+        patches: that occlude. fronts: whether only their fronts do. ground: a point and the normal of a plane, or None.
+        mu: of distances (k,). cone: sin² of half the spread. size: of the scene.
+    """
+
+    patches: list
+    fronts: bool
+    ground: tuple | None
+    mu: object
+    cone: float
+    size: float
+
+
+def falloff(name, half_distance, limit):
+    """μ of distances by its definition."""
+
+    def mu(distance):
+        with np.errstate(over="ignore", invalid="ignore"):
+            near = distance < limit
+            if name == "binary":
+                return np.where(near, 0.0, 1.0)
+            x = np.minimum(distance / limit, 1.0) if np.isfinite(limit) else distance
+            if name == "linear":
+                return x
+            if name == "smooth":
+                return x * x * (3 - 2 * x)
+            open_part = 1 - 2 ** -(distance / half_distance)
+            return np.where(near, open_part / (1 - 2 ** -(limit / half_distance)), 1.0)
+
+    return mu
+
+
+def distances(medium, origins, directions):
+    """To the nearest hit (k,), or infinity."""
+    nearest = np.full(len(origins), np.inf)
+    for part in medium.patches:
+        across = np.cross(part.u, part.v)
+        squared = across @ across
+        ahead = directions @ across
+        offset = part.corner - origins
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = offset @ across / ahead
+            local = t[:, None] * directions - offset
+            s = np.cross(local, part.v) @ across / squared
+            r = np.cross(part.u, local) @ across / squared
+            hit = (t > 0) & (s >= 0) & (s <= 1) & (r >= 0) & (r <= 1)
+        if medium.fronts:
+            hit &= ahead < 0
+        nearest = np.where(hit & (t < nearest), t, nearest)
+    if medium.ground is not None:
+        place, up = medium.ground
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (place - origins) @ up / (directions @ up)
+        nearest = np.where((t > 0) & (t < nearest), t, nearest)
+    return nearest
+
+
+def values(medium, places, normals, axes, rng, rays):
+    """w (k,) and its error: the mean over places (k, p, 3) with normals of their faces (k, 3) and axes (k, 3).
+
+    A direction below the face is closed. Args: rays: of each value.
+    """
+    count, spread = places.shape[:2]
+    each = max(rays // (spread * _PARTS), 1)
+    u = (rng.random((count, spread, _PARTS, each)) + np.arange(each)) / each * medium.cone
+    phi = 2 * np.pi * rng.random((count, spread, _PARTS, each))
+    tangent = np.cross(axes, np.eye(3)[np.abs(axes).argmin(axis=1)])
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    frame = np.stack([tangent, np.cross(axes, tangent), axes], axis=1)
+    local = np.stack([np.sqrt(u) * np.cos(phi), np.sqrt(u) * np.sin(phi), np.sqrt(1 - u)], axis=-1)
+    directions = np.einsum("kspri,kij->ksprj", local, frame)
+    above = np.einsum("kspri,ki->kspr", directions, normals) >= 0
+    origins = places + _LIFT * medium.size * normals[:, None]
+    origins = np.broadcast_to(origins[:, :, None, None], directions.shape)
+    met = distances(medium, origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(above.shape)
+    w = np.where(above, medium.mu(met), 0.0).mean(axis=(1, 3))
+    return w.mean(axis=1), w.std(axis=1, ddof=1) / np.sqrt(_PARTS)
+
+
+def enclosed(scene, places):
+    """Which of places (k, 3) are inside an object that is closed: a box of six sides."""
+    inside = np.zeros(len(places), bool)
+    for name in {part.name for part in scene}:
+        sides = [part for part in scene if part.name == name]
+        if name.startswith("box") and len(sides) == 6:
+            inside |= np.all([(places - side.corner) @ side.normal < 0 for side in sides], axis=0)
+    return inside
+
+
+def touches(scene, part, places, size, behind=False):
+    """Whether something other than `part` that reaches above its plane, or `behind` it, lies at places (k, 3) of it."""
+    touched = np.zeros(len(places), bool)
+    for other in scene:
+        heights = (other.at(np.array([0, 1, 1, 0.0]), np.array([0, 0, 1, 1.0])) - part.corner) @ part.normal
+        if other is part or (np.abs(heights) if behind else heights).max() < _CLOSE * size:
+            continue
+        basis = np.stack([other.u, other.v])
+        st = np.clip((places - other.corner) @ np.linalg.pinv(basis), 0, 1)
+        nearest = other.corner + st @ basis
+        touched |= np.linalg.norm(places - nearest, axis=1) < _CLOSE * size
+    return touched
