@@ -28,7 +28,7 @@ def shortfalls(
     if options.tolerance is not None and rmse > options.tolerance:
         reason = f": {samples:,} rays a {kind} were allowed" if samples >= options.rays else ""
         texts = [f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"]
-        warnings.warn(texts[0], ToleranceWarning, stacklevel=4)  # whoever called `ao.bake`
+        warnings.warn(texts[0], ToleranceWarning, stacklevel=5)  # whoever called `ao.bake`
     if options.thickness:
         return (*texts, *holes(solid))
     return (*texts, *inward_warnings(solid, vertices[: len(solid.vertices)]))
