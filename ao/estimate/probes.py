@@ -219,7 +219,7 @@ class Probes:
         expected_mean = float(np.mean(error))
         told = expected_mean * calibration_factor(expected_mean, mean, variance)
         group = sites.kinds + np.uint8(len(KINDS)) * self._has_large_error
-        for number in np.unique(group[self.rows]):
+        for number in np.flatnonzero(np.bincount(group[self.rows])).tolist():
             members = group == number
             probed = members[self.rows]
             expected = error[self.rows[probed]]

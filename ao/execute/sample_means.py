@@ -97,7 +97,7 @@ class SampleMeans(NamedTuple):
                 block = alike[begin : begin + step]
                 source = np.empty(count * len(block), np.int64)
                 chosen = np.empty(len(source), np.uint32)
-                pick = bind(_pick, groups[block], numbers[block], count, samples.starts, int(key), source, chosen)
+                pick = bind(_pick, groups[block], numbers[block], count, samples.starts, int(key), (source, chosen))
                 run_blocks(len(block), _BLOCK, pick, tracer.threads, most=_SHARE)
                 points = replace(samples.points[source], numbers=chosen)
                 normals = samples.geometric_normals.take(source, axis=0)
@@ -164,12 +164,12 @@ def _pick(
     samples: int,
     starts: Int64s,
     chance: int,
-    source: Int64s,
-    numbers: UInt32s,
+    picked: tuple[Int64s, UInt32s],
     start: int,
     stop: int,
 ) -> None:
     """Write which samples of each group are taken, one of its runs of so many by `chance`, and their numbers."""
+    source, numbers = picked
     for i in range(start, stop):
         begin = starts[groups[i]]
         runs = (starts[groups[i] + 1] - begin) // samples

@@ -72,22 +72,20 @@ class Page(NamedTuple):
 
         Args:
             overlap: where faces overlap, samples lie on all ("mean") or on the first of them.
-            texels: (n,), ascending, only these, some of them more than once, with points at places by chance in each.
-                None: all, at regular places.
-            parts, key: (n,), of `Places.by_chance`.
+            texels: (n,), ascending, only these, some of them more than once; None: all.
+            parts, key: (n,), of `Places.by_chance`, where points lie in each of these; None: at regular places.
         """
         size = self.band_rows * self.layout.width
         bands: dict[int, Coverage] = {}
 
         def work(start: int, stop: int) -> None:
             triangles = self.listed[self.starts[start // size] : self.starts[start // size + 1]]
-            if texels is None or parts is None:
-                rows, places = np.arange(start, stop), REGULAR
-                band_texels = rows
+            if texels is None:
+                rows = band_texels = np.arange(start, stop)
             else:
                 rows = np.arange(np.searchsorted(texels, start), np.searchsorted(texels, stop))
                 band_texels = texels[rows]
-                places = Places.by_chance(band_texels, parts[rows], key)
+            places = REGULAR if parts is None else Places.by_chance(band_texels, parts[rows], key)
             if len(band_texels) or start == 0:
                 bands[start] = _Band(self, band_texels, rows, triangles, places, overlap == "mean").cover()
 

