@@ -8,7 +8,7 @@ from .draws import drawn
 FEW, MANY = 20, 500  # tests of ten draws each
 TIMES = {"--at": 8.0, "--size": 3.0}  # of the root mean square error that is told: of tens of sites few are probed
 USUAL, SLACK = 2.0, 0.004  # the same of vertices and points; and what is in no error that is told
-FARTHEST = 20.0, 0.03
+FARTHEST = 30.0, 0.03
 
 
 def faults(numbers, folder):
