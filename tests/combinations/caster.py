@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 _LIFT, _CLOSE = 1e-9, 1e-6  # of the scene's size: where rays start, and what touches
-_PARTS = 8  # of the rays of a value, from whose spread its error follows
+PARTS = 8  # of the places and rays of a value, from whose spread its error follows
+_STRATA = 8, 4  # of the places of a part
 
 
 @dataclass(frozen=True)
@@ -69,26 +70,34 @@ def distances(medium, origins, directions):
     return nearest
 
 
+def strata(rng, count):
+    """Places (count, p, 2) in the unit square: parts one after another, each even by itself."""
+    across, along = _STRATA
+    corner = np.stack(np.divmod(np.tile(np.arange(across * along), PARTS), along), -1)
+    return (corner + rng.random((count, len(corner), 2))) / _STRATA
+
+
 def values(medium, places, normals, axes, rng, rays):
     """w (k,) and its error: the mean over places (k, p, 3) with normals of their faces (k, 3) and axes (k, 3).
 
-    A direction below the face is closed. Args: rays: of each value.
+    A direction below the face is closed. Args: places: of parts, as of `strata`, or one. rays: of each value.
     """
-    count, spread = places.shape[:2]
-    each = max(rays // (spread * _PARTS), 1)
-    u = (rng.random((count, spread, _PARTS, each)) + np.arange(each)) / each * medium.cone
-    phi = 2 * np.pi * rng.random((count, spread, _PARTS, each))
+    count, spread = len(places), places.shape[1] // PARTS or 1
+    places = np.broadcast_to(places.reshape(count, places.shape[1] // spread, spread, 3), (count, PARTS, spread, 3))
+    each = max(rays // (spread * PARTS), 1)
+    u = (rng.random((count, PARTS, spread, each)) + np.arange(each)) / each * medium.cone
+    phi = 2 * np.pi * rng.random((count, PARTS, spread, each))
     tangent = np.cross(axes, np.eye(3)[np.abs(axes).argmin(axis=1)])
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     frame = np.stack([tangent, np.cross(axes, tangent), axes], axis=1)
     local = np.stack([np.sqrt(u) * np.cos(phi), np.sqrt(u) * np.sin(phi), np.sqrt(1 - u)], axis=-1)
-    directions = np.einsum("kspri,kij->ksprj", local, frame)
-    above = np.einsum("kspri,ki->kspr", directions, normals) >= 0
-    origins = places + _LIFT * medium.size * normals[:, None]
-    origins = np.broadcast_to(origins[:, :, None, None], directions.shape)
+    directions = np.einsum("kpsri,kij->kpsrj", local, frame)
+    above = np.einsum("kpsri,ki->kpsr", directions, normals) >= 0
+    origins = places + _LIFT * medium.size * normals[:, None, None]
+    origins = np.broadcast_to(origins[..., None, :], directions.shape)
     met = distances(medium, origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(above.shape)
-    w = np.where(above, medium.mu(met), 0.0).mean(axis=(1, 3))
-    return w.mean(axis=1), w.std(axis=1, ddof=1) / np.sqrt(_PARTS)
+    w = np.where(above, medium.mu(met), 0.0).mean(axis=(2, 3))
+    return w.mean(axis=1), w.std(axis=1, ddof=1) / np.sqrt(PARTS)
 
 
 def enclosed(scene, places):

@@ -64,12 +64,10 @@ class _Draw:
     def _write_mesh(self):
         """Write the input; returns whether its objects have names."""
         rng, kind = self.rng, self.kind
-        form = str(
-            rng.choice(
-                {"texels": ["obj", "glb", "ply"], "points": ["ply"]}.get(kind, ["obj", "glb", "ply", "off", "stl"])
-            )
-        )
-        self.form = form
+        forms = {"texels": ["obj", "ply", "glb"], "points": ["ply"]}.get(kind, ["obj", "ply", "off", "glb", "stl"])
+        if not self._near():  # a .glb and an .stl have float32
+            forms = [form for form in forms if form not in ("glb", "stl")]
+        self.form = form = str(rng.choice(forms))
         side = int(rng.choice([24, 32, 48, 64]))
         self.page = side, int(rng.choice([side, 32]))
         charts = self.charts = self._charts() if kind == "texels" else None
@@ -182,7 +180,7 @@ class _Draw:
             patches.append(self._write_occluder())
         ground = None
         if self.chance(0.15):
-            height = float(self.centre @ self.up - self.size * rng.uniform(0.5, 0.8))
+            height = float(self.centre @ self.up - self.size * rng.uniform(0.6, 0.9))
             line += ["--ground", repr(height)]
             ground = height * self.up, self.up
         if self.kind == "faces":
@@ -269,7 +267,8 @@ class _Draw:
         assert len(w) == len(patch), self._failure("another number of faces")
         centres = [self.patches[p].at(*c.mean(axis=0)) for p, c in zip(patch, corners, strict=True)]
         chosen = self._choose(patch, np.array(centres))
-        weights = self.rng.dirichlet((1, 1, 1), (len(chosen), 32))
+        u, v = np.moveaxis(caster.strata(self.rng, len(chosen)), -1, 0)
+        weights = np.stack([1 - np.sqrt(u), np.sqrt(u) * (1 - v), np.sqrt(u) * v], axis=-1)
         st = np.einsum("kpc,kcd->kpd", weights, corners[chosen])
         return w, chosen, *self._on_patches(patch[chosen], st)
 
@@ -301,7 +300,7 @@ class _Draw:
         middle = (rectangles[:, :2] + rectangles[:, 2:]) / 2
         at = np.array([self.patches[max(p, 0)].at(*m) for p, m in zip(patch, middle, strict=True)])
         chosen = self._choose(patch, at)
-        share = self.rng.random((len(chosen), 32, 2))
+        share = caster.strata(self.rng, len(chosen))
         st = rectangles[chosen, None, :2] + share * (rectangles[chosen, None, 2:] - rectangles[chosen, None, :2])
         return w, chosen, *self._on_patches(patch[chosen], st)
 
