@@ -45,7 +45,6 @@ def estimate(tracer: Tracer, sites: Sites, options: Options) -> list[Estimate]:
         return [Estimate(np.zeros((0, 4)), np.zeros(0), most)] * tracer.columns
     if tolerance is None:
         rounds, rays = by_rays(tracer, sites, most, options.denoise, key)
-        tracer.scene.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew
     else:
         rounds, rays = to_tolerance(tracer, sites, tolerance, most, key)
     return [round_.estimate(rays) for round_ in rounds]

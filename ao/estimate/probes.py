@@ -218,7 +218,7 @@ class Probes:
         variance = float(self._weights**2 @ ((measured - mean) ** 2 + 2 * mean_square(error)))
         expected_mean = float(np.mean(error))
         told = expected_mean * calibration_factor(expected_mean, mean, variance)
-        group = sites.kinds + np.uint8(len(KINDS)) * self._has_large_error
+        group = sites.kinds + np.uint8(KINDS) * self._has_large_error
         for number in np.flatnonzero(np.bincount(group[self.rows])).tolist():
             members = group == number
             probed = members[self.rows]

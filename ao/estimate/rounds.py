@@ -20,7 +20,7 @@ from .probes import Checks, Copies, Probes
 from .ray_plan import FEW_POINTS, fall_of, first_rays, rays_to_add
 from .sampling_error import BATCH, TYPICAL, derive, rays_alone, stratified_rows
 from .scales import denoise_over_scales
-from .sites import KINDS, ONE_PLACE, PREDICTED, SEVERAL_PLACES, Sites
+from .sites import ONE_PLACE, PREDICTED, SEVERAL_PLACES, Sites
 from .tolerance import Estimate
 
 _AIM = 0.83  # times the goal is aimed at: another round for few rays takes as long as many rays now
@@ -107,10 +107,6 @@ class Round(NamedTuple):
         total = max(float(weight.sum()), 1e-300)
         return float(weight @ squared) / total, float(np.sqrt(weight**2 @ squared**2)) / total
 
-    def share(self, kind: int) -> float:
-        """The part of the squared error that sites of a kind have."""
-        return float(self.error[self.sites.kinds == kind].sum()) / max(float(self.error.sum()), 1e-300)
-
     def estimate(self, rays: Int64s) -> Estimate:
         """The estimates of all sites, of so many `rays` (k,)."""
         count = len(self.sites)
@@ -118,8 +114,7 @@ class Round(NamedTuple):
         if self.sites.cell is not None:
             values = self.sites.values_at(np.arange(count), values)
         most = int(rays.max(initial=0))
-        worst = max(range(len(KINDS)), key=self.share)
-        return Estimate(values, self.error, most, most * count - int(rays.sum()), self.calibration, KINDS[worst])
+        return Estimate(values, self.error, most, most * count - int(rays.sum()), self.calibration)
 
 
 def _leave_out_harm(

@@ -15,7 +15,7 @@ from .one_ring import Neighbours
 from .upsampling import upsample
 
 ONE_PLACE, SEVERAL_PLACES, FOLDED, PREDICTED = range(4)  # kinds of sites, by how their errors come about
-KINDS = "of one place", "of several places", "folded", "predicted"
+KINDS = 4
 _UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that typical predictions leave
 
 

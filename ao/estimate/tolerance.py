@@ -42,7 +42,6 @@ class Estimate(NamedTuple):
     samples: int  # rays of the point that has most
     spared: int = 0  # rays that the other points have fewer than it, in all
     calibration: Calibration | None = None  # of the variances, at some of the points
-    worst: str = ""  # the kind of points that have most of the error
 
     @property
     def mean_samples(self) -> int:

@@ -13,9 +13,9 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from obscurance.raytrace.kernel.jit import bind, kernel
+from obscurance.raytrace.kernel.jit import kernel
 from obscurance.raytrace.sampling import hash32_array
-from obscurance.raytrace.system.threads import run_blocks
+from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import Float32s, Float64Rows, Float64s, Int64s, UInt32s
 
 from ..points.points import Points
@@ -27,7 +27,6 @@ from .tracer import Hemispheres, Tracer
 from .work import Outputs
 
 _GATHERED = 1 << 20  # samples
-_BLOCK, _SHARE = 1 << 9, 16  # groups, and blocks at once
 _PLACED = 1 << 14  # groups whose samples are made together
 _RAYS = 32  # of a place, where there are many
 _FEWEST = 4  # places of a site that has several
@@ -57,15 +56,15 @@ class SampleMeans(NamedTuple):
         parts = np.where(counts == 1, 1, np.maximum(np.rint(rays / (_RAYS * counts)), 1)).astype(np.int64)
         out = np.zeros((len(points), *tracer.mu.shape, COLUMNS))
         for number in np.flatnonzero(np.bincount(parts)).tolist():
-            each = -(-rays // number)
+            share = -(-rays // number)
             alike = np.flatnonzero(parts == number)
             own = alike[has_own[alike]]
-            out[own] = self._means(tracer, self.samples, sites[own], sites[own], each, key)
+            out[own] = self._means(tracer, self.samples, sites[own], sites[own], share, key)
             # The other parts of each site, added up.
             others = number - has_own[alike]
             of = np.repeat(alike, others)
             part = number - 1 - (np.repeat(np.cumsum(others), others) - 1 - np.arange(len(of)))
-            np.add.at(out, of, self._elsewhere(tracer, sites[of], part, each, key))
+            np.add.at(out, of, self._elsewhere(tracer, sites[of], part, share, key))
             out[alike] /= number
             out[alike, ..., BATCH_VARIANCE] *= number**_RATE
         return out
@@ -97,8 +96,8 @@ class SampleMeans(NamedTuple):
                 block = alike[begin : begin + step]
                 source = np.empty(count * len(block), np.int64)
                 chosen = np.empty(len(source), np.uint32)
-                pick = bind(_pick, groups[block], numbers[block], count, samples.starts, int(key), (source, chosen))
-                run_blocks(len(block), _BLOCK, pick, tracer.threads, most=_SHARE)
+                of_block = groups[block], numbers[block]
+                _pick.on(tracer.threads)(*of_block, count, samples.starts, int(key), (source, chosen))
                 points = replace(samples.points[source], numbers=chosen)
                 normals = samples.geometric_normals.take(source, axis=0)
                 hemispheres = tracer.hemispheres(points, -(-rays // count), key, leap=count)
@@ -157,26 +156,24 @@ class MeansOfGroups:
         return write
 
 
-@kernel
+@each("groups")
 def _pick(
+    i: int,
     groups: Int64s,
     group_numbers: Int64s,
     samples: int,
     starts: Int64s,
     chance: int,
     picked: tuple[Int64s, UInt32s],
-    start: int,
-    stop: int,
 ) -> None:
-    """Write which samples of each group are taken, one of its runs of so many by `chance`, and their numbers."""
+    """Write which samples of a group are taken, one of its runs of so many by `chance`, and their numbers."""
     source, numbers = picked
-    for i in range(start, stop):
-        begin = starts[groups[i]]
-        runs = (starts[groups[i] + 1] - begin) // samples
-        begin += samples * (chance % runs)
-        for k in range(samples):
-            source[samples * i + k] = begin + k
-            numbers[samples * i + k] = samples * group_numbers[i] + k
+    begin = starts[groups[i]]
+    runs = (starts[groups[i] + 1] - begin) // samples
+    begin += samples * (chance % runs)
+    for k in range(samples):
+        source[samples * i + k] = begin + k
+        numbers[samples * i + k] = samples * group_numbers[i] + k
 
 
 @kernel

@@ -172,13 +172,6 @@ def called_back(*path: int) -> Callable[[Callable[..., Any]], Kernel]:
     return lambda function: Kernel(function, path=path)
 
 
-def bind(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
-    """A kernel to be called many times with the same first `arguments`, which are looked through once."""
-    kernel: Kernel = function  # type: ignore[assignment]
-    kinds, words = _flatten(arguments, [], [])
-    return lambda *others: kernel._run((*arguments, *others), *_flatten(others, kinds.copy(), words.copy()))
-
-
 def inline(function: Callable[..., Any]) -> Callable[..., Any]:
     """Decorator: a helper that kernels call, compiled into each of them."""
     return Kernel(function, inlined=True)
