@@ -142,7 +142,7 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
 
     took = f"{_took(baked)}, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(str(target))}: {len(baked.w):,} {baked.at}, {baked.rays:,} rays traced {took}"
-    flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped)
+    flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped, baked.at)
     return "\n".join([text, *(words for name, words in flags.items() if name != "contact")])  # usual where parts meet
 
 

@@ -80,7 +80,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
         Option("occluded_by", OccludedBy, "all", "By all, the own object alone, or objects of its name: as if each "
                "were in a file of its own, with occluders and ground.", EVERY_BAKE,
-               excludes=("high", "cluster", "profile")),
+               excludes=("high", "cluster")),
         Option("flip", bool, False, "Turn all faces of the input over, for meshes that look inwards; outputs have them "
                "turned."),
         "normals", "interior", "back_faces",
