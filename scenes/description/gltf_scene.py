@@ -151,7 +151,7 @@ class Materials:
         reference: records.TextureReference | None = getattr(record, key)
         if reference is None:
             return _WHITE
-        number = entry(self._asset.materials.textures, reference.index, "textures").source
+        number = entry(self._asset.materials.textures, reference.index, "textures").image
         if (number, srgb) not in self._means:
             self._means[number, srgb] = None
             if number is not None:
@@ -209,7 +209,8 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...],
             objects.append(Object(shapes[drawn.shape], matrix, placed.name))
     if not objects:
         raise MeshError(path, "nodes", "at least one triangle to see", "none")
-    notes = tuple(printable(f"{path}: {note}") for placed in instances for note in placed.notes)
+    lines = dict.fromkeys([*(note for placed in instances for note in placed.notes), *textures.notes])
+    notes = tuple(printable(f"{path}: {note}") for note in lines)
     return tuple(objects), asset, notes + materials.notes(), origins
 
 

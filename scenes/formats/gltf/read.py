@@ -60,6 +60,8 @@ def read_gltf(mesh_input: MeshInput) -> tuple[list[Instance], Gltf]:
             notes += (f"{name} is drawn many times by {_COPIES}, which is not read: once here",)
         matrix = asset.world[drawn.node] if drawn.skin is None else shape.matrix
         instances.append(shape._replace(name=name, matrix=matrix, notes=notes))
+    if textures and textures.notes:
+        instances[0] = instances[0]._replace(notes=(*instances[0].notes, *textures.notes))
     return instances, asset
 
 

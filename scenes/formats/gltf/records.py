@@ -2,8 +2,8 @@
 
 Whole numbers are indices and sizes, from 0; whether they point at something is found where they are used. What does not
 match is refused by name. Format: Khronos glTF 2.0 specification, section 5; of extensions KHR_lights_punctual,
-KHR_texture_transform, KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness, KHR_materials_variants,
-meshopt_compression.
+KHR_texture_transform, EXT_texture_webp, KHR_texture_basisu, EXT_texture_avif, KHR_materials_emissive_strength,
+KHR_materials_pbrSpecularGlossiness, KHR_materials_variants, meshopt_compression.
 """
 
 # ruff: noqa: RUF012 (empty lists as defaults are shared, and never changed)
@@ -140,7 +140,21 @@ class GltfGeometry(Record):
 
 class GltfTexture(Record):
     source: Index | None = None
+    webp: Annotated[Index | None, At("extensions.EXT_texture_webp.source")] = None
+    ktx2: Annotated[Index | None, At("extensions.KHR_texture_basisu.source")] = None
+    avif: Annotated[Index | None, At("extensions.EXT_texture_avif.source")] = None
+    extensions: dict[str, Any] = {}
     sampler: Index | None = None
+
+    @property
+    def image(self) -> int | None:
+        """Number of the image in a format that is read."""
+        return self.webp if self.source is None else self.source
+
+    @property
+    def unreadable(self) -> int | None:
+        """Number of the image in one that is not."""
+        return self.avif if self.ktx2 is None else self.ktx2
 
 
 class Sampler(Record):

@@ -1,7 +1,7 @@
 """Textures of a glTF file, by the coordinates of its primitives; alpha of their faces, colours of their vertices.
 
 Of samplers the wrap modes are read; filtering is the renderer's. Format: Khronos glTF 2.0 specification, sections
-3.6.2, 3.7.2.1 (`COLOR_0`), 3.8, 3.9.2 to 3.9.4 and 5.26; KHR_texture_transform.
+3.6.2, 3.7.2.1 (`COLOR_0`), 3.8, 3.9.2 to 3.9.4 and 5.26; KHR_texture_transform, EXT_texture_webp.
 """
 
 from collections.abc import Collection, Sequence
@@ -23,7 +23,7 @@ from obscurance.raytrace.types import Float64s, Int64s
 from ...geometry.attributes import SourceAttributes, triangle_attributes
 from ...geometry.instances import Submesh
 from ...json_toml import shown
-from ...safe_paths import confined
+from ...safe_paths import confined, resolve_uri
 from .accessors import column, flipped, view_bytes
 from .asset import Gltf, entry
 from .occlusion import ramp_sets
@@ -40,14 +40,18 @@ _WORDS = {
 
 @dataclass(eq=False)
 class Textures:
-    """The textures of an asset, each made once."""
+    """The textures of an asset, each made once; `notes` names pictures that cannot be had, which are left out."""
 
     asset: Gltf
+    notes: dict[str, None] = field(default_factory=dict)
     _made: dict[tuple[int, tuple[Wrap, Wrap], bool], Texture] = field(default_factory=dict)
 
-    def of_base(self, primitive: Primitive) -> tuple[Float64s, Texture] | None:
-        """Coordinates uv (n, 2), v upwards, and the base colour texture of a primitive that has both, or None."""
-        return self._lookup(primitive, self.asset.material(primitive).base[1], srgb=True)
+    def of_base(self, primitive: Primitive, needed: bool = False) -> tuple[Float64s, Texture] | None:
+        """Coordinates uv (n, 2), v upwards, and the base colour texture of a primitive that has both, or None.
+
+        Args: needed: give also a picture in a format that is not read, which who reads it refuses by name.
+        """
+        return self._lookup(primitive, self.asset.material(primitive).base[1], srgb=True, needed=needed)
 
     def of_occlusion(self, primitive: Primitive) -> tuple[Float64s, Texture, float] | None:
         """Coordinates, the occlusion texture, whose R channel is linear, and its strength in [0, 1]; None without
@@ -57,26 +61,37 @@ class Textures:
         return None if reference is None or used is None else (*used, float(np.clip(reference.strength, 0.0, 1.0)))
 
     def _lookup(
-        self, primitive: Primitive, reference: TextureReference | None, srgb: bool
+        self, primitive: Primitive, reference: TextureReference | None, srgb: bool, needed: bool = False
     ) -> tuple[Float64s, Texture] | None:
         """Coordinates (n, 2), v upwards, and the texture of a reference; None if the primitive or the file lacks
-        either."""
+        either, or the picture cannot be had, which `notes` then says."""
         if reference is None:
             return None
         moved = reference.transform
         number = reference.texCoord if moved.texCoord is None else moved.texCoord
         stored = entry(self.asset.materials.textures, reference.index, "textures")
         uv = column(self.asset, primitive, f"TEXCOORD_{number}", "VEC2")
-        if uv is None or stored.source is None:
+        image = stored.unreadable if needed and stored.image is None else stored.image
+        if uv is None or image is None:
+            if uv is not None and stored.extensions:
+                got = ", ".join(stored.extensions)
+                self._leave_out(f"textures[{reference.index}]: expected a PNG, JPEG or WebP picture, got {got}")
             return None
-        key = stored.source, self._wrap(stored), srgb
+        key = image, self._wrap(stored), srgb
         if key not in self._made:
-            self._made[key] = replace(self.image(stored.source), wrap=key[1], srgb=srgb)
+            try:
+                self._made[key] = replace(self.image(image), wrap=key[1], srgb=srgb)
+            except SceneError as fault:
+                self._leave_out(f"{fault.field}: expected {fault.expected}, got {fault.got}")
+                return None
         if vars(moved):  # scaled, turned anticlockwise as seen, then moved
             c = cos(moved.rotation)
             s = sin(moved.rotation)
             uv = (uv * moved.scale) @ np.array([[c, -s], [s, c]]) + moved.offset
         return flipped(uv), self._made[key]
+
+    def _leave_out(self, fault: str) -> None:
+        self.notes[f"{fault}; the picture is left out"] = None
 
     def _wrap(self, texture: GltfTexture) -> tuple[Wrap, Wrap]:
         """Wrap modes along u and v of a texture. Raises: MeshError: modes of no name."""
@@ -100,7 +115,8 @@ class Textures:
             if not data:
                 raise SceneError(self.asset.path, field, "an image in base64", shown(stored.uri))
             return Texture(label, data)
-        return Texture(confined(unquote(stored.uri), self.asset.path.parent, self.asset.path, field))
+        folder = self.asset.path.parent
+        return Texture(resolve_uri(stored.uri, folder) or confined(unquote(stored.uri), folder, self.asset.path, field))
 
 
 def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opacity | None:
@@ -108,7 +124,7 @@ def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opaci
     material = textures.asset.material(primitive)
     if material.alphaMode == "OPAQUE":
         return None
-    uv, texture = textures.of_base(primitive) or (None, None)
+    uv, texture = textures.of_base(primitive, needed=True) or (None, None)
     cutoff = material.alphaCutoff if material.alphaMode == "MASK" else None
     alpha = AlphaSurface(float(np.clip(material.base[0][3], 0, 1)), texture, cutoff=cutoff)
     number = primitive.attributes.get("COLOR_0")

@@ -1,8 +1,11 @@
 """Alpha of glTF and OBJ materials in mesh files, from the file to w."""
 
+import base64
+import io
 import re
 
 import numpy as np
+import PIL.Image
 import pytest
 from command import obscurance
 from gltf_files import check_glb, values
@@ -12,6 +15,8 @@ from obscurance import ao
 from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.raytrace import InputError
 from obscurance.scenes import load, write
+from obscurance.scenes.formats.primitive_groups import primitive_groups
+from obscurance.scenes.show.page.base_colour import base_colour
 
 MASK = {"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
 MOVED = {"texCoord": 0, "extensions": {"KHR_texture_transform": {"offset": [0.25, 0], "scale": [0.5, 1]}}}
@@ -98,15 +103,64 @@ def test_an_opaque_file_has_no_alpha(tmp_path):
         (MASK | {"alphaCutoff": -0.5}, r"materials\[0\].alphaCutoff: expected .* got -0.5"),
         (MASK | {"alphaMode": "SOLID"}, r"materials\[0\].alphaMode"),
         ({"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, "1"]}}, "baseColorFactor"),
-        (MASK, "leaf.png"),
     ],
 )
 def test_alpha_that_cannot_be_read_is_reported_in_a_line(tmp_path, material, field):
-    path = glb(tmp_path, material, LEAF, image_fields={"images": [{"uri": "leaf.png"}]})
+    path = glb(tmp_path, material, LEAF)
     with pytest.raises(InputError, match=field) as refused:
         load(path)
     assert "\n" not in str(refused.value)
     assert load(path, alpha=False).mesh.opacity is None
+
+
+def test_a_missing_picture_leaves_the_alpha_of_the_factor(tmp_path):
+    material = textured("BLEND")
+    material["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 0.3]
+    path = glb(tmp_path, material, LEAF, image_fields={"images": [{"uri": "leaf.png"}]})
+    (note,) = load(path).notes
+    assert note.endswith('images[0].uri: expected an existing file, got "leaf.png"; the picture is left out')
+    assert np.allclose(w_of_floor(path), 1 - 0.3 * form_factors(), atol=0.01)
+    for command, output in (("bake", "w.npy"), ("render", "o.png"), ("bake", "w.html")):
+        done = obscurance(command, path, "-o", tmp_path / output, "--samples", 1)
+        assert done.returncode == 0
+        assert done.stderr.count(note) == 1
+
+
+def test_alpha_of_a_webp_is_read(tmp_path):
+    stored = io.BytesIO()
+    PIL.Image.fromarray(LEAF).save(stored, "WEBP", lossless=True)
+    uri = "data:image/webp;base64," + base64.b64encode(stored.getvalue()).decode()
+    fields = {"images": [{"uri": uri}], "textures": [{"extensions": {"EXT_texture_webp": {"source": 0}}}]}
+    path = glb(tmp_path, textured("MASK"), LEAF, image_fields=fields)
+    assert np.allclose(w_of_floor(path), 1 - form_factors(right=0.0), atol=0.01)
+    source = load(path, tmp_path / "w.glb")
+    assert [group.image for group in primitive_groups(source)] == [None, 0]
+    assert base_colour(load(path, "page.html")).images[0].startswith(b"\x89PNG")
+    orm = obscurance("bake", path, "-o", tmp_path / "w.glb", "--occlusion", "texture", "--orm", "--samples", 1)
+    assert "uv" in orm.stderr  # the floor has no coordinates
+    assert obscurance("info", path).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("extension", "content", "name"),
+    [
+        ("KHR_texture_basisu", b"\xabKTX 20\xbb\r\n\x1a\n", "KTX2"),
+        ("EXT_texture_avif", b"\0\0\0\x20ftypavif", "AVIF"),
+    ],
+)
+def test_alpha_of_a_format_that_is_not_read_is_refused_by_name(tmp_path, extension, content, name):
+    uri = "data:image/ktx2;base64," + base64.b64encode(content + bytes(80)).decode()
+    fields = {"images": [{"uri": uri}], "textures": [{"extensions": {extension: {"source": 0}}}]}
+    path = glb(tmp_path, textured("MASK"), LEAF, image_fields=fields)
+    assert "2 faces cut out" in obscurance("info", path).stdout
+    for command, output in (("bake", "w.npy"), ("render", "w.png")):
+        line = command, path, "-o", tmp_path / output, "--samples", 1
+        done = obscurance(*line)
+        assert done.returncode == 2
+        assert done.stderr.endswith(f"images[0]: content: expected an image, got {name}, which is not read\n")
+        done = obscurance(*line, "--alpha", "ignore")
+        assert done.returncode == 0
+        assert (f"got {extension}; the picture is left out" in done.stderr) == (command == "render")
 
 
 @pytest.mark.parametrize(
