@@ -26,12 +26,16 @@ _NORMAL = ("nx", "ny", "nz")
 def read_ply(mesh_input: MeshInput) -> list[Instance]:
     """The vertices and triangles, with normals if there are `nx ny nz`; with `keep` all elements.
 
+    `tristrips` of a file without faces become a face for each triangle.
+
     Raises: MeshError: the file ends early, or has no vertices. ValueError, KeyError: anything else that is not PLY.
     """
     data = mesh_input.file.read()
     source = mesh_input.source
     header = read_header(data)
     elements = _read_text(data, header, source) if header.text else _read_binary(data, header, source)
+    if "face" not in [element.name for element in elements]:
+        elements = [_cut(element) if element.name == "tristrips" else element for element in elements]
     if not any(element.count for element in elements if element.name == "vertex"):
         raise MeshError(source, "elements", "one of vertices", "none")
     vertex = {name: column.values for name, column in columns_of(elements, "vertex").items()}
@@ -56,6 +60,19 @@ def read_ply(mesh_input: MeshInput) -> list[Instance]:
     w = vertex.get("obscurance")
     profile = header.profile(vertex)
     return [instance._replace(w=w, profile=profile, polygons=triangles.polygons)]
+
+
+def _cut(strips: Element) -> Element:
+    """A face for each triangle of lists of vertices, strips that −1 parts, as Stanford's files have them."""
+    (column,) = (column for column in strips.properties if column.counted)
+    at = np.insert(whole(column.values), np.cumsum(column.sizes), -1)
+    place = np.arange(len(at)) - np.maximum.accumulate(np.where(at < 0, np.arange(len(at)), -1)) - 1
+    corners = np.stack([at[:-2], at[1:-1], at[2:]], axis=1) if len(at) > 2 else np.empty((0, 3), np.int64)
+    odd = place[: len(corners)] % 2 == 1
+    corners[odd] = corners[odd, ::-1]
+    corners = corners[(corners >= 0).all(axis=1)]
+    faces = Property(INDICES[0], "i", corners.ravel(), "B", np.full(len(corners), 3))
+    return Element("face", len(corners), (faces,))
 
 
 def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
