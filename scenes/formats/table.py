@@ -140,8 +140,11 @@ register(
     FileFormat(
         ".vtp",
         "VTK",
+        read="obscurance.scenes.formats.vtp:read_vtp",
+        peak=10.0,
+        begins=rb"(?s)\s*(<\?xml.*?\?>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*PolyData",
         write="obscurance.scenes.formats.vtp:vtp",
-        holds=("source",),
+        holds=("source", "w"),
     ),
     FileFormat(".npy", "NumPy", write="obscurance.scenes.formats.write:npy", holds=("w", "faces")),
     FileFormat(".npz", "NumPy", write="obscurance.scenes.formats.write:npz", holds=("w", "faces")),

@@ -14,6 +14,7 @@ from ...geometry.instances import Instance, check_copies
 from ..table import MeshInput
 from .accessors import normalized, triangles, values, vectors
 from .asset import Gltf, decode, entry
+from .draco import decompressed
 from .pose import Poses, in_words
 from .records import PROFILE, Primitive
 
@@ -29,7 +30,7 @@ def read_gltf(mesh_input: MeshInput) -> tuple[list[Instance], Gltf]:
     Raises: ValueError: as `decode` and `Poses`, compressed values, very many copies, nodes that are no tree, no image
         with alpha.
     """
-    asset = decode(mesh_input.file.read(), mesh_input.path)
+    asset = decompressed(decode(mesh_input.file.read(), mesh_input.path))
     textures = None
     if mesh_input.alpha and _has_alpha(asset):
         from .textures import Textures, opacity_of

@@ -67,6 +67,8 @@ class Primitive(Record):
     material: Index | None = None
     mode: Index = TRIANGLES
     targets: list[dict[str, Index]] = []
+    draco: Annotated[Index | None, At("extensions.KHR_draco_mesh_compression.bufferView")] = None
+    draco_attributes: Annotated[dict[str, Index], At("extensions.KHR_draco_mesh_compression.attributes")] = {}
     variants: Annotated[list[Variant], At("extensions.KHR_materials_variants.mappings")] = []
 
 

@@ -74,7 +74,8 @@ class ObjText:
         if b"\\" in data:
             for end in (b"\r\n", b"\r", b"\n"):
                 data = data.replace(b"\\" + end, b" ")
-        self._source, (self._data, self._text, self._blocks) = source, line_blocks(data)
+        self._data, self._text, self._blocks = line_blocks(data)
+        self.runs: list[Run] = []
         self._survey()
         # Vertices and their colours.
         numbers = self._numbers("v")
@@ -123,7 +124,6 @@ class ObjText:
         for_blocks(len(tallies), work)
         self._tallies = tallies
         self._before = np.cumsum(np.insert(tallies, 0, 0, axis=0), axis=0)
-        self.runs: list[Run] = []
         for faces, others in zip(self._before[:, F, COUNT].tolist(), runs_of, strict=False):
             for begin, end, more in others.tolist():
                 text = self._data[begin:end].decode("utf-8", "replace").replace("\r", "\n")

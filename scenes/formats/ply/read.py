@@ -15,7 +15,7 @@ from obscurance.raytrace.errors import MeshError
 
 from ...geometry.attributes import Element, Property
 from ...geometry.instances import Instance
-from ...geometry.polygons import triangulate
+from ...geometry.polygons import strip_triangles, triangulate
 from ..number_rows import NumberRows, whole
 from ..table import MeshInput
 from .layout import COUNT, INDICES, PlyHeader, columns_of, ply_attributes, read_header, row_of
@@ -65,12 +65,7 @@ def read_ply(mesh_input: MeshInput) -> list[Instance]:
 def _cut(strips: Element) -> Element:
     """A face for each triangle of lists of vertices, strips that −1 parts, as Stanford's files have them."""
     (column,) = (column for column in strips.properties if column.counted)
-    at = np.insert(whole(column.values), np.cumsum(column.sizes), -1)
-    place = np.arange(len(at)) - np.maximum.accumulate(np.where(at < 0, np.arange(len(at)), -1)) - 1
-    corners = np.stack([at[:-2], at[1:-1], at[2:]], axis=1) if len(at) > 2 else np.empty((0, 3), np.int64)
-    odd = place[: len(corners)] % 2 == 1
-    corners[odd] = corners[odd, ::-1]
-    corners = corners[(corners >= 0).all(axis=1)]
+    corners = strip_triangles(whole(column.values), column.sizes)
     faces = Property(INDICES[0], "i", corners.ravel(), "B", np.full(len(corners), 3))
     return Element("face", len(corners), (faces,))
 

@@ -35,7 +35,8 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     attributes = mesh_file.held
     profile = bake.profile
     elements = attributes.elements or _elements(mesh_file.mesh, attributes)
-    if cut := cuts_polygons(mesh_file, channels):
+    cut = channels.ply_name == MESHLAB and cuts_polygons(mesh_file)
+    if cut:
         elements = tuple(_cut(element, attributes) if element.name == "face" else element for element in elements)
     colour_channels = channels.colors or ("" if has_own_colors(attributes) else "rgb")
     # Comments: the axis that is up, what the grey is, and the profile's distances.
@@ -69,10 +70,10 @@ def has_own_colors(attributes: SourceAttributes) -> bool:
     return bool(own_colors(attributes.elements)) or (attributes.colors is not None and not attributes.elements)
 
 
-def cuts_polygons(mesh_file: MeshFile, channels: Channels) -> bool:
-    """Whether polygons become triangles: MeshLab opens none that have lists of texture coordinates."""
+def cuts_polygons(mesh_file: MeshFile) -> bool:
+    """Whether polygons for MeshLab become triangles: it opens none that have lists of texture coordinates."""
     held = mesh_file.held
-    if channels.ply_name != MESHLAB or held.uv is None or (held.sizes == 3).all():
+    if held.uv is None or (held.sizes == 3).all():
         return False
     if held.elements:
         return "texcoord" in layout.columns_of(held.elements, "face", lists=True)
