@@ -16,7 +16,7 @@ from .accessors import normalized, triangles, values, vectors
 from .asset import Gltf, decode, entry
 from .draco import decompressed
 from .pose import Poses, in_words
-from .records import PROFILE, Primitive
+from .records import PROFILE, TRANSMISSION, Primitive
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
@@ -70,7 +70,9 @@ def _has_alpha(asset: Gltf) -> bool:
     """Whether some material may not be opaque; opaque ones are not read."""
     materials = asset.header.get("materials", [])
     tables = [table for table in materials if isinstance(table, dict)] if isinstance(materials, list) else []
-    return any(table.get("alphaMode", "OPAQUE") != "OPAQUE" for table in tables)
+    return any(
+        table.get("alphaMode", "OPAQUE") != "OPAQUE" or TRANSMISSION in table.get("extensions", ()) for table in tables
+    )
 
 
 def _shape(asset: Gltf, primitive: Primitive) -> Instance:

@@ -3,7 +3,8 @@
 Whole numbers are indices and sizes, from 0; whether they point at something is found where they are used. What does not
 match is refused by name. Format: Khronos glTF 2.0 specification, section 5; of extensions KHR_lights_punctual,
 KHR_texture_transform, EXT_texture_webp, KHR_texture_basisu, EXT_texture_avif, KHR_materials_emissive_strength,
-KHR_materials_pbrSpecularGlossiness, KHR_materials_variants, meshopt_compression.
+KHR_materials_pbrSpecularGlossiness, KHR_materials_variants, KHR_materials_transmission, KHR_draco_mesh_compression,
+meshopt_compression.
 """
 
 # ruff: noqa: RUF012 (empty lists as defaults are shared, and never changed)
@@ -27,6 +28,7 @@ Matrix = tuple[
 PROFILE = "_OBSCURANCE_PROFILE_"  # and a number: attributes of four columns each
 WRAP = 10497  # REPEAT
 LIGHTS = "extensions.KHR_lights_punctual.lights"
+TRANSMISSION = "KHR_materials_transmission"
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 
 
@@ -197,6 +199,11 @@ class SpecularGlossiness(Record):
     specularGlossinessTexture: TextureReference | None = None
 
 
+class Transmission(Record):
+    transmissionFactor: Number = 0
+    transmissionTexture: TextureReference | None = None
+
+
 class GltfMaterial(Record):
     extensions: dict[str, Any] = {}
     name: Any = ""
@@ -209,6 +216,7 @@ class GltfMaterial(Record):
     emissiveFactor: Vector = (0, 0, 0)
     emissiveTexture: TextureReference | None = None
     emissiveStrength: Annotated[Number, At("extensions.KHR_materials_emissive_strength.emissiveStrength")] = 1
+    transmission: Annotated[Transmission, At(f"extensions.{TRANSMISSION}")] = Transmission()
     specular: Annotated[SpecularGlossiness | None, At("extensions.KHR_materials_pbrSpecularGlossiness")] = None
 
     @property

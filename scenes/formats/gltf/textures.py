@@ -1,7 +1,8 @@
 """Textures of a glTF file, by the coordinates of its primitives; alpha of their faces, colours of their vertices.
 
 Of samplers the wrap modes are read; filtering is the renderer's. Format: Khronos glTF 2.0 specification, sections
-3.6.2, 3.7.2.1 (`COLOR_0`), 3.8, 3.9.2 to 3.9.4 and 5.26; KHR_texture_transform, EXT_texture_webp.
+3.6.2, 3.7.2.1 (`COLOR_0`), 3.8, 3.9.2 to 3.9.4 and 5.26; KHR_texture_transform, EXT_texture_webp;
+KHR_materials_transmission.
 """
 
 from collections.abc import Collection, Sequence
@@ -14,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from obscurance.raytrace import AlphaSurface, Opacity
-from obscurance.raytrace.errors import MeshError, SceneError
+from obscurance.raytrace.errors import InputError, MeshError, SceneError
 from obscurance.raytrace.image.colour import encode_srgb
-from obscurance.raytrace.image.texture import Texture, Wrap
+from obscurance.raytrace.image.texture import Texture, Wrap, texture_mean
 from obscurance.raytrace.mesh.mesh import PerCorner
 from obscurance.raytrace.types import Float64s, Int64s
 
@@ -27,7 +28,7 @@ from ...safe_paths import confined, resolve_uri
 from .accessors import column, flipped, view_bytes
 from .asset import Gltf, entry
 from .occlusion import ramp_sets
-from .records import GltfTexture, Primitive, TextureReference
+from .records import TRANSMISSION, GltfMaterial, GltfTexture, Primitive, TextureReference
 
 _ROUNDING = 0.51 / 255  # of the grey that a bake writes
 _MODES: dict[int, Wrap] = {10497: "repeat", 33648: "mirrored_repeat", 33071: "clamp_to_edge"}
@@ -60,6 +61,19 @@ class Textures:
         used = self._lookup(primitive, reference, srgb=False)
         return None if reference is None or used is None else (*used, float(np.clip(reference.strength, 0.0, 1.0)))
 
+    def transmission(self, material: GltfMaterial) -> float:
+        """The share t in [0, 1] of light that passes a material: its factor, times the mean of its texture."""
+        share = float(np.clip(material.transmission.transmissionFactor, 0.0, 1.0))
+        reference = material.transmission.transmissionTexture
+        if share and reference:
+            stored = entry(self.asset.materials.textures, reference.index, "textures")
+            if stored.image is not None:
+                try:
+                    share *= float(texture_mean(replace(self.image(stored.image), srgb=False))[0])
+                except InputError as fault:
+                    self._leave_out(str(fault).removeprefix(f"{self.asset.path}: "))
+        return share
+
     def _lookup(
         self, primitive: Primitive, reference: TextureReference | None, srgb: bool, needed: bool = False
     ) -> tuple[Float64s, Texture] | None:
@@ -82,7 +96,7 @@ class Textures:
             try:
                 self._made[key] = replace(self.image(image), wrap=key[1], srgb=srgb)
             except SceneError as fault:
-                self._leave_out(f"{fault.field}: expected {fault.expected}, got {fault.got}")
+                self._leave_out(str(fault).removeprefix(f"{self.asset.path}: "))
                 return None
         if vars(moved):  # scaled, turned anticlockwise as seen, then moved
             c = cos(moved.rotation)
@@ -120,13 +134,18 @@ class Textures:
 
 
 def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opacity | None:
-    """Alpha of the faces (m, 3): base colour factor, its texture and COLOR_0; None where all is opaque."""
+    """Alpha of the faces (m, 3): base colour factor, its texture and COLOR_0, times 1 − t where a share t of the light
+    is transmitted; None where all is opaque."""
     material = textures.asset.material(primitive)
+    transmitted = textures.transmission(material)
     if material.alphaMode == "OPAQUE":
-        return None
+        return Opacity.uniform(AlphaSurface(1.0 - transmitted), faces) if transmitted else None
     uv, texture = textures.of_base(primitive, needed=True) or (None, None)
     cutoff = material.alphaCutoff if material.alphaMode == "MASK" else None
-    alpha = AlphaSurface(float(np.clip(material.base[0][3], 0, 1)), texture, cutoff=cutoff)
+    if transmitted and cutoff is not None:
+        textures.notes[f"materials[{primitive.material}]: {TRANSMISSION} of what is cut out is not read"] = None
+    through = 1.0 if cutoff is not None else 1.0 - transmitted
+    alpha = AlphaSurface(float(np.clip(material.base[0][3], 0, 1)) * through, texture, cutoff=cutoff)
     number = primitive.attributes.get("COLOR_0")
     accessors = textures.asset.geometry.accessors
     corners = None

@@ -14,14 +14,19 @@ from leaf_cards import FLOOR, HEIGHT, SQUARE, UP, card_glb, card_obj, form_facto
 from obscurance import ao
 from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.raytrace import InputError
-from obscurance.scenes import load, write
+from obscurance.scenes import load, read_scene, write
 from obscurance.scenes.formats.primitive_groups import primitive_groups
 from obscurance.scenes.show.page.base_colour import base_colour
 
 MASK = {"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
 MOVED = {"texCoord": 0, "extensions": {"KHR_texture_transform": {"offset": [0.25, 0], "scale": [0.5, 1]}}}
 BLEND = {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.3]}}
-LEAF = leaf_codes()
+LEAF = leaf_codes()  # whose red is 200
+
+
+def glass(factor, texture=None, **fields):
+    """A material that transmits a share of the light."""
+    return fields | {"extensions": {"KHR_materials_transmission": {"transmissionFactor": factor} | (texture or {})}}
 
 
 def w_of_floor(path, **options):
@@ -46,6 +51,14 @@ FILES = {
     "mirrored": (lambda folder: glb(folder, MASK, LEAF[:, ::-1], scale=[-1, 1, 1]), 1.0, 0.0),
     "opaque": (lambda folder: glb(folder, textured("OPAQUE"), LEAF), 1.0, None),
     "colours": (lambda folder: glb(folder, {"alphaMode": "BLEND"}, colours=[[1, 1, 1, 0.2]] * 4), 0.2, None),
+    "transmitting": (lambda folder: glb(folder, glass(0.6)), 0.4, None),
+    "all of it transmitting": (lambda folder: glb(folder, glass(1)), 0.0, None),
+    "blended and transmitting": (lambda folder: glb(folder, glass(0.6, **BLEND)), 0.12, None),
+    "transmitting by the mean of a texture": (
+        lambda folder: glb(folder, glass(0.6, {"transmissionTexture": {"index": 0}}), LEAF),
+        1 - 0.6 * 200 / 255,
+        None,
+    ),
     "OBJ's d": (lambda folder: card_obj(folder, "d 0.3"), 0.3, None),
     "OBJ's Tr": (lambda folder: card_obj(folder, "Tr 0.7"), 0.3, None),
     "OBJ's map_d by alpha": (lambda folder: card_obj(folder, "map_d leaf.png", leaf_codes(0.6)), 0.6, 0.0),
@@ -111,6 +124,28 @@ def test_alpha_that_cannot_be_read_is_reported_in_a_line(tmp_path, material, fie
         load(path)
     assert "\n" not in str(refused.value)
     assert load(path, alpha=False).mesh.opacity is None
+
+
+def test_what_of_transmission_is_not_read_is_said(tmp_path):
+    path = glb(tmp_path, glass(0.6, **MASK), LEAF)
+    (note,) = load(path).notes
+    assert note.endswith("materials[0]: KHR_materials_transmission of what is cut out is not read")
+    assert np.allclose(w_of_floor(path), 1 - form_factors(right=0.0), atol=0.01)
+    texture = {"transmissionTexture": {"index": 0}}
+    path = glb(tmp_path, glass(0.6, texture), LEAF, image_fields={"images": [{"uri": "none.png"}]})
+    (note,) = load(path).notes
+    assert note.endswith('images[0].uri: expected an existing file, got "none.png"; the picture is left out')
+    assert np.allclose(w_of_floor(path), 1 - 0.4 * form_factors(), atol=0.01)
+    assert load(glb(tmp_path, glass(0))).mesh.opacity is None
+
+
+def test_pictures_and_pages_see_through_what_transmits(tmp_path):
+    path = glb(tmp_path, glass(0.75))
+    (card,) = (item for item in read_scene(path).scene.objects if item.shape.mesh.opacity)
+    assert card.shape.mesh.opacity.surfaces[0].factor == 0.25
+    done = obscurance("render", path, "-o", tmp_path / "p.png", "--width", 8, "--height", 8, "--samples", 1)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (base_colour(load(path, "page.html")).alpha == 64).any()
 
 
 def test_a_missing_picture_leaves_the_alpha_of_the_factor(tmp_path):
