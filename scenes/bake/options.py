@@ -31,7 +31,7 @@ Alpha = Literal["auto", "ignore"]
 OccludedBy = Literal["all", "object", "name"]
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 Format = Literal["npy", "npz", "ply", "glb", "obj", "vtp", "html", "png", "exr", "tif"]
-InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "vrm", "3mf", "dae", "zae"]
+InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "vrm", "3mf", "dae", "zae", "vtp"]
 ProgressForm = Literal["bar", "json"]
 
 _SECTIONS: dict[str, tuple[Option | str, ...]] = {
