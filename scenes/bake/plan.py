@@ -199,12 +199,13 @@ def plan_bake(options: BakeOptions, content: bytes | None = None) -> Plan:
         _check_vertices(plan)
     else:
         _check_texture(plan)
-    # An up axis is of use only to what stands on it.
+    # An up axis is of use only to what stands on it, or points up.
     standing = {".html", ".ply", ".glb"}
     paths = (options.report, options.debug_image, output if kind == "vertices" else plan.glb)
-    stands = options.ground or options.debug_image or any(path.suffix.lower() in standing for path in paths if path)
-    if options.up and not stands:
-        raise ConflictError("up", "needs", "--ground, --debug-image or .html, .ply, .glb: else w is the same")
+    stands = any(path.suffix.lower() in standing for path in paths if path)
+    if options.up and not (stands or options.ground or options.debug_image or options.normals == "up"):
+        needed = "--ground, --normals up, --debug-image or .html, .ply, .glb: else w is the same"
+        raise ConflictError("up", "needs", needed)
     return plan
 
 

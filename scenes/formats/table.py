@@ -31,6 +31,7 @@ class Channels(NamedTuple):
     up: str | None = None  # the axis that is up, in place of `Mesh.up`
     ply_name: str | None = None  # a further property of a PLY that holds w
     again: str = 'baked.profile.at("{}")'  # how a page says to bake another half-distance, "{}"
+    warning: str = ""  # about the result, which a page says first
 
 
 class FileFormat(NamedTuple):

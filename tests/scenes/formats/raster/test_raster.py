@@ -1,5 +1,6 @@
 """Sky-view factors of terrain against closed forms, and what rasters keep."""
 
+import json
 from dataclasses import replace
 from functools import cache
 
@@ -318,3 +319,32 @@ def test_what_is_refused(tmp_path):
     (tmp_path / "text.tif").write_text("no raster")
     refused(obscurance("bake", tmp_path / "text.tif", "-o", tmp_path / "w.tif"), "a raster of heights")
     assert not (tmp_path / "w.tif").exists()
+
+
+@pytest.mark.parametrize("options", [(), ("--method", "surface")])
+@pytest.mark.parametrize("steep", [45, 75])
+def test_horizontal_cells_of_a_ramp_by_either_method(tmp_path, steep, options):
+    """(1 + cos β)/2, and as much between the cells."""
+    write(tmp_path / "ramp.tif", np.arange(40.0) * np.tan(np.radians(steep)) + np.zeros((30, 1)))
+    given = "--normals", "up", "--up", "z", "--falloff", "binary", "--report", tmp_path / "r.json", *options
+    done = obscurance("bake", tmp_path / "ramp.tif", "-o", tmp_path / "w.npz", *given)
+    assert done.returncode == 0, done.stderr
+    assert "warning" not in done.stderr
+    np.testing.assert_allclose(np.load(tmp_path / "w.npz")["w"], (1 + np.cos(np.radians(steep))) / 2, atol=0.02)
+    assert json.loads((tmp_path / "r.json").read_text())["interpolation"]["rmse"] < 0.01
+
+
+def test_what_is_up_counts_for_horizontal_hemispheres(tmp_path):
+    (tmp_path / "slope.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 1\nf 1 2 3 4\n")
+    for up, expected in {"z": (1 + 0.5**0.5) / 2, "x": 0.5}.items():
+        options = "--normals", "up", "--up", up, "--falloff", "binary", "--samples", 4096
+        assert obscurance("bake", tmp_path / "slope.obj", "-o", tmp_path / "w.npy", *options).returncode == 0
+        np.testing.assert_allclose(np.load(tmp_path / "w.npy"), expected, atol=0.01)
+
+
+@pytest.mark.parametrize("normals", ["file", "up"])
+def test_between_cells_of_a_raster_is_nothing_to_warn_of(tmp_path, normals):
+    write(tmp_path / "rough.tif", 3 * np.random.default_rng(1).normal(size=(30, 30)))
+    given = "bake", tmp_path / "rough.tif", "--normals", normals, "--falloff", "binary", "-o"
+    assert "between the vertices" in obscurance(*given, tmp_path / "w.npz").stderr
+    assert obscurance(*given, tmp_path / "sky.tif").stderr == ""
