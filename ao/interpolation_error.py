@@ -1,5 +1,6 @@
 """The error of interpolation between vertices, measured by rays at points on the faces."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -87,7 +88,7 @@ def _least_error(corners: Int64s, weights: Float64s, estimates: Float64s) -> flo
     np.put_along_axis(matrix, column.reshape(corners.shape), weights, axis=1)
     normal = matrix.T @ matrix + _RIDGE * np.eye(len(used))
     off = matrix @ np.linalg.solve(normal, matrix.T @ estimates) - estimates[:, ::-1]
-    return max(float(off.prod(axis=1).mean()), 0.0) ** 0.5
+    return math.sqrt(max(float(off.prod(axis=1).mean()), 0.0))
 
 
 def _estimate_twice(prepared: Prepared, points: Points, geometric_normals: Float32s) -> Float64s:

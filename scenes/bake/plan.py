@@ -20,7 +20,7 @@ from ..formats.falloffs import make_falloff, table_of
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target
 from ..formats.load import unit_of
-from ..formats.table import Channels, is_raster
+from ..formats.table import Channels, format_of, is_raster
 from ..formats.write import ENDINGS, channels, check_holds, check_target
 from .options import BAKER, PRESETS, REPORTS, ROWS, BakeOptions, absolute, check_kind, named, plain
 
@@ -321,7 +321,7 @@ def _check_vertices(plan: Plan) -> None:
         raise ConflictError("high", "does not go with", ("method", "surface"))
     if options.occluded_by != "all" and isinstance(plan.arguments.falloff, tuple):
         raise ConflictError("occluded_by", "does not go with", "a list of falloffs")
-    if options.profile and plan.ending == ".npy":
+    if options.profile and "profile" not in format_of(plan.output).holds:
         raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
 
 
