@@ -28,8 +28,7 @@ from .prepared import Prepared
 if TYPE_CHECKING:
     from .profile import Profile
 
-_VISIBLE = 0.1  # 5 of 100 in the lightness of greys, twice what is noticed beside the right value
-_TIMES_RMSE = 3.0
+VISIBLE = 0.05  # 2.5 of 100 in the lightness of greys, which is noticed beside the right value
 _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
 
 
@@ -41,11 +40,12 @@ class Interpolation(NamedTuple):
     faces: Int64s  # (k,), the mesh's, that the points are on
     weights: Float64s  # (k, 3), barycentric
     estimates: Float64s  # (k, 2), two independent ones of w at each point
+    best: float = 0.0  # the least that any values at vertices leave, if visible; 0 where points are too few to tell
 
     @property
     def visible(self) -> bool:
-        """Whether it is surely more than .1, so that shadows lack, or faces are dark all over."""
-        return self.at_least > _VISIBLE
+        """Whether it is surely more than .05, so that shadows lack, or faces are dark all over."""
+        return self.at_least > VISIBLE
 
     @classmethod
     def of(
@@ -178,9 +178,8 @@ class Bake(Columns):
 
     @property
     def coarse(self) -> bool:
-        """Whether interpolation between the vertices surely errs by more than .1 and more than three times `rmse`."""
-        interpolation = self.interpolation
-        return interpolation is not None and interpolation.visible and interpolation.at_least > _TIMES_RMSE * self.rmse
+        """Whether interpolation between the vertices surely errs by more than .05, which pictures show."""
+        return self.interpolation is not None and self.interpolation.visible
 
     @property
     def flagged(self) -> dict[str, int]:

@@ -20,7 +20,7 @@ from ..formats.falloffs import make_falloff, table_of
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target
 from ..formats.load import unit_of
-from ..formats.table import Channels, is_raster
+from ..formats.table import Channels, format_of, is_raster
 from ..formats.write import ENDINGS, channels, check_holds, check_target
 from .options import BAKER, PRESETS, REPORTS, ROWS, BakeOptions, absolute, check_kind, named, plain
 
@@ -197,12 +197,13 @@ def plan_bake(options: BakeOptions, content: bytes | None = None) -> Plan:
         _check_vertices(plan)
     else:
         _check_texture(plan)
-    # An up axis is of use only to what stands on it.
+    # An up axis is of use only to what stands on it, or points up.
     standing = {".html", ".ply", ".glb"}
     paths = (options.report, options.debug_image, output if kind == "vertices" else plan.glb)
-    stands = options.ground or options.debug_image or any(path.suffix.lower() in standing for path in paths if path)
-    if options.up and not stands:
-        raise ConflictError("up", "needs", "--ground, --debug-image or .html, .ply, .glb: else w is the same")
+    stands = any(path.suffix.lower() in standing for path in paths if path)
+    if options.up and not (stands or options.ground or options.debug_image or options.normals == "up"):
+        needed = "--ground, --normals up, --debug-image or .html, .ply, .glb: else w is the same"
+        raise ConflictError("up", "needs", needed)
     return plan
 
 
@@ -316,7 +317,7 @@ def _check_vertices(plan: Plan) -> None:
     check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
     if options.high is not None and options.method == "surface":
         raise ConflictError("high", "does not go with", ("method", "surface"))
-    if options.profile and plan.ending == ".npy":
+    if options.profile and "profile" not in format_of(plan.output).holds:
         raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
 
 

@@ -14,15 +14,17 @@ from obscurance import ao
 from obscurance.ao.baking import VertexArguments, bake_vertices
 from obscurance.ao.estimate.calibration import Calibration
 from obscurance.ao.options import VertexOptions
-from obscurance.ao.result import of_columns
+from obscurance.ao.result import VISIBLE, of_columns
 from obscurance.raytrace.errors import MeshError, OptionError
 from obscurance.raytrace.system.checks import check_outputs
 from obscurance.raytrace.types import AnyFloats, Bools, Float64s, Int64s
 
+from ..formats.table import is_raster
 from ..formats.unsupported import unsupported_features
 from ..formats.write import write_vertices
 from ..show.progress import progress
-from .console import COARSE, HARD, bake_summary, warn
+from ..show.report.verdict import COARSE
+from .console import HARD, bake_summary, warn
 from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
 
 if TYPE_CHECKING:
@@ -61,21 +63,19 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     with open_checkpoint(plan.output) as checkpoint:
         baked = trace(plan, inputs, checkpoint)
         # Warnings about the result, before it is written.
-        lines = list(baked.shortfalls)
+        coarse = _coarse(plan, inputs.source, baked)
+        lines = [*coarse, *baked.shortfalls]
         missed = baked.flagged["missed"]
         if missed:
             outside = "outside the cage of the fine mesh; they take its closest point"
             lines.append(f"{plan.output}: {missed:,} of {len(baked.w):,} vertices lie {outside}")
-        warnings += warn([], lines)
+        warnings = [*warn([], lines), *warnings]
         traced = time.perf_counter()
         channels = plan.channels
         if plan.ending == ".html":
-            channels = channels._replace(again=command_again(plan, inputs.source))
+            channels = channels._replace(again=command_again(plan, inputs.source), warning="".join(coarse))
         with progress(options.quiet, "writing", form=options.progress):
             write_vertices(plan.output, baked, inputs.source, channels)
-        if baked.coarse and baked.interpolation is not None:
-            text = f"{COARSE} {baked.interpolation.rmse:.2f}, as the faces are too large for it"
-            warnings += warn([], [f"{plan.output}: {text}: {_remedy(plan, inputs.source)}"])
     seconds = {"load": loaded - inputs.started, "write": time.perf_counter() - traced}
     if options.report:
         from obscurance.ao.report import report
@@ -108,20 +108,34 @@ def _hard_edges(plan: Plan, inputs: BakeInputs) -> list[str]:
     return [f"{plan.output}: {count:,} of {len(mesh.vertices):,} {HARD}: {sides}"] if count else []
 
 
-def _remedy(plan: Plan, source: MeshFile) -> str:
-    """What makes w right between the vertices in the output of a plan."""
-    if plan.ending == ".glb" and not plan.channels.colors:
-        uv = None
-        with suppress(MeshError):  # malformed coordinates, of which nothing else here makes use
-            uv = source.uv
-        return "add --occlusion texture" if uv is not None else "add --occlusion texture --uv unwrap"
+def _coarse(plan: Plan, source: MeshFile, baked: ao.Bake) -> list[str]:
+    """A line about values that are wrong between the vertices, and what makes them right in this output; none for
+    cells of a raster, which have nothing between them."""
+    if not baked.coarse or baked.interpolation is None or is_raster(plan.output):
+        return []
+    text = f"{plan.output}: {COARSE} {baked.interpolation.rmse:.2f}, as the faces are too large for it"
+    uv = None
+    with suppress(MeshError):  # malformed coordinates, of which nothing else here makes use
+        uv = source.uv
+    texture = "--occlusion texture" if uv is not None else "--occlusion texture --uv unwrap"
+    if plan.ending == ".glb" and not plan.channels.colors and not is_raster(plan.mesh):
+        return [f"{text}: add {texture}"]
+    if baked.interpolation.best <= VISIBLE and _can_be_fitted(plan):
+        return [f"{text}: add --method surface"]
+    if plan.ending in (".npy", ".npz") or is_raster(plan.mesh):
+        return [f"{text}: subdivide them"]
+    return [f"{text}: subdivide them, or bake a texture, {texture} into a .glb"]
+
+
+def _can_be_fitted(plan: Plan) -> bool:
+    """Whether the bake of a plan would be another by the surface method, with which some options do not go."""
     arguments = plan.arguments
     if isinstance(arguments, VertexOptions) and arguments.method == "vertex":
         with suppress(OptionError):
             profile = arguments.profile and plan.ending != ".html"  # which has one by itself with the other method
-            replace(arguments, method="surface", profile=profile)  # some options do not go with that
-            return "add --method surface"
-    return "subdivide them"
+            replace(arguments, method="surface", profile=profile)
+            return True
+    return False
 
 
 def trace(plan: Plan, inputs: BakeInputs, checkpoint: Kept) -> ao.Bake:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 Facts = Mapping[str, Any]
 Pictures = Callable[[], "Sequence[Sequence[Picture]]"]
+COARSE = "between the vertices w, the openness, errs by"  # in a warning about a result, which comes first
 _LEVELS = "bad", "note", "good"
 _NOISY = 0.02  # RMSE of w that shows in a picture
 _OPEN, _CLOSED = 0.999, 0.05  # w of a mesh without occlusion, and of one that is inside out
@@ -63,6 +64,7 @@ def verdict(report: Facts) -> dict[str, Any]:
 
 def _findings(report: Facts) -> Iterator[Finding]:
     """The findings of a report, of a bake or of a rendering."""
+    yield from (Finding("bad", warning) for warning in report["warnings"] if COARSE in warning)
     if "w" in report:
         yield from _error(report)
         w = report["w"]
@@ -80,7 +82,7 @@ def _findings(report: Facts) -> Iterator[Finding]:
     else:
         yield from _picture(report)
     for warning in report["warnings"]:
-        if "is not met" not in warning:
+        if "is not met" not in warning and COARSE not in warning:
             yield Finding("bad" if _INSIDE_OUT in warning else "note", warning)
 
 

@@ -33,6 +33,7 @@ SEEN = {"picture": {"covered": 0.4, "brightest": 0.8, "clipped": 0.0}, "rmse_est
         ),
         (GOOD, {"flagged": {"hidden": 1}}, "note", "One vertex lies inside solids"),
         (GOOD, {"warnings": ["m.ply: normals of 3 of 9 vertices are uncertain by 2°"]}, "note", "uncertain by"),
+        (GOOD, {"warnings": ["w: between the vertices w, the openness, errs by 0.06, …"]}, "bad", "errs by 0.06"),
         (SEEN, {}, "good", "The picture was made"),
         (SEEN, {"picture": SEEN["picture"] | {"covered": 0.0}}, "bad", "Nothing is in view"),
         (SEEN, {"picture": SEEN["picture"] | {"brightest": 0.0}}, "bad", "black"),
