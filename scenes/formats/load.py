@@ -228,7 +228,7 @@ def _cloud(instances: list[Instance], path: Path) -> tuple[list[Instance], tuple
         raise MeshError(path, "points", expected, got)
     places = np.asarray(whole.vertices, np.float64)
     normals = np.asarray(whole.normals, np.float64)
-    mesh = discs(places, normals, str(path))[0]
+    mesh = discs(places, normals, str(path)).mesh
     return [whole._replace(vertices=mesh.vertices, faces=mesh.faces, normals=None)], (places, normals)
 
 
