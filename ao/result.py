@@ -21,7 +21,7 @@ from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64R
 from .estimate.calibration import Calibration
 from .estimate.tolerance import Estimate
 from .mu import Mu
-from .options import OCTAVES
+from .options import OCTAVES, Options
 from .points.receivers import Flag
 from .prepared import Prepared
 
@@ -277,7 +277,7 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
         calibration=values.calibration,
         mesh=mesh,
         at=getattr(prepared.options, "at", "vertices"),
-        **of_columns(prepared, spread),
+        **of_columns(prepared.options, prepared.mus, spread),
     )
 
 
@@ -290,18 +290,19 @@ def _bent_normals(i: int, point: Int64s, bent: Float64Rows, normals: Float32Rows
         store(out, i, normalized(direction) if clear else load(normals, point[i]))
 
 
-def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, Any]:
+def of_columns(options: Options, mus: Sequence[Mu], columns: Sequence[AnyFloats]) -> dict[str, Any]:
     """`Bake.others`, `profile` and `profile_errors` from w and errors (…, j) of the falloffs after the first, if
-    any."""
+    any. Args: mus: of all falloffs."""
     if not len(columns):
         return {}
-    listed = len(prepared.options.falloffs) - 1
+    listed = len(options.falloffs) - 1
     further: dict[str, Any] = {"others": tuple(column[..., :listed] for column in columns)} if listed else {}
-    if prepared.options.profile:
-        lengths = np.array([math.log(2) / (mu.tau or math.inf) for mu in prepared.mus[1 + listed :]])
+    if options.profile:
+        lengths = np.array([math.log(2) / (mu.tau or math.inf) for mu in mus[1 + listed :]])
         values, errors = columns
         from .profile import Profile
 
-        further["profile"] = Profile(lengths, values[..., listed:].astype(np.float32), lengths[0] / OCTAVES[0])
+        kept = values[..., listed:].astype(np.float32)
+        further["profile"] = Profile(lengths, kept, lengths[0] / OCTAVES[0], mus[-1].max_distance)
         further["profile_errors"] = errors[..., listed:].astype(np.float32)
     return further

@@ -225,8 +225,7 @@ def survey(text: UInt8s, begin: int, end: int, tally: Int64Rows, other_runs: Int
 
 @kernel
 def read_numbers(text: UInt8s, begin: int, end: int, wanted_kind: int, values: Float64Rows) -> None:
-    """Read the first numbers of lines of one kind into `values` (lines, numbers). Lines that lack words are left
-    out."""
+    """Read the first numbers of lines of one kind into `values` (lines, numbers), infinite of lines that lack words."""
     row, i = 0, begin
     while i < end:
         kind, i = _keyword(text, i)
@@ -235,11 +234,12 @@ def read_numbers(text: UInt8s, begin: int, end: int, wanted_kind: int, values: F
             i, has_word = _next_word(text, i)
             while has_word and words < values.shape[1]:
                 value, i = _parse_word(text, i)
-                if row < len(values):
-                    values[row, words] = value
+                values[row, words] = value
                 words += 1
                 i, has_word = _next_word(text, i)
-            row += words >= NEEDED[wanted_kind]
+            if words < NEEDED[wanted_kind]:
+                values[row, :] = np.inf
+            row += 1
         i = _skip_line(text, i)
 
 

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable
 from pathlib import Path, PureWindowsPath
+from urllib.parse import unquote
 
 from obscurance.raytrace.errors import SceneError
 
@@ -42,6 +43,11 @@ def resolve_inside(name: str, folder: Path) -> Path | None:
         return target if target.is_relative_to(root) and target.is_file() else None
     except (OSError, ValueError):
         return None
+
+
+def resolve_uri(uri: str, folder: Path) -> Path | None:
+    """`resolve_inside` of a relative URI, percent-decoded or, where that is no file, as it is written."""
+    return resolve_inside(unquote(uri), folder) or resolve_inside(uri, folder)
 
 
 _RESERVED = re.compile(r"(?i:con|prn|aux|nul|com\d|lpt\d)$")  # by Windows, whatever follows a dot

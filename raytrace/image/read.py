@@ -21,6 +21,7 @@ from .formats import NAMESPACE, openimageio
 
 GROWTH, SPARE = 1100, 1 << 26  # deflate grows 1032-fold at most; 64 MiB hold 4096×4096 pixels of four bytes
 _JPEG_2000 = b"\0\0\0\x0cjP  \r\n\x87\n", b"\xff\x4f\xff\x51"
+_UNREAD = {b"\xabKTX 20": "KTX2", b"ftypavif": "AVIF"}  # what first bytes hold, of formats that are known by name alone
 _LIMIT, _TOO_LARGE = "limits:imagesize_MB", " exceeds the"  # of OpenImageIO
 _ROWS = 64
 _FEW = 1 << 20  # bytes; to look at what is available takes longer than to decode so few
@@ -74,7 +75,8 @@ def open_image(path: PathName, content: Path | None = None, max_side: int = MAX_
     file = Path(path) if content is None else content
     try:
         check_regular(file, "an image file", source=name)
-        file.open("rb").close()
+        with file.open("rb") as begun:
+            head = begun.read(16)
     except OSError as reason:
         raise InputError(name, "file", "a readable file", reason.strerror or reason) from None
     if not is_utf8(str(file)):
@@ -88,7 +90,8 @@ def open_image(path: PathName, content: Path | None = None, max_side: int = MAX_
         message = _reason(oiio, file)
         if _TOO_LARGE in message:
             raise InputError(name, "size", f"pixels that {stored:,} bytes can hold", message.partition(_TOO_LARGE)[0])
-        raise InputError(name, "content", "an image", message)
+        unread = (f"{called}, which is not read" for begins, called in _UNREAD.items() if begins in head)
+        raise InputError(name, "content", "an image", next(unread, message))
     # Pixels that its bytes can hold, few enough, and flat.
     spec = image.spec()
     size = f"{spec.width}×{spec.height}"

@@ -141,7 +141,7 @@ def bake_summary(baked: ao.Bake, target: Path) -> str:
     """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
     took = f"{_took(baked)}, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(str(target))}: {len(baked.w):,} {baked.at}, {baked.rays:,} rays traced {took}"
-    flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped)
+    flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped, baked.at)
     return "\n".join([text, *(words for name, words in flags.items() if name != "contact")])  # usual where parts meet
 
 

@@ -102,7 +102,8 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
     alpha = options.alpha == "auto"
     by_name = options.receive or (), options.cast or (), options.exclude or ()
     names = any(by_name) or options.match_names or options.occluded_by != "all"
-    target = "texture.glb" if plan.kind == "texture" else f"vertices{plan.ending}"  # what the input is read for
+    # What the input is read for; images need the objects and materials that a .ply keeps.
+    target = plan.glb or "images.ply" if plan.kind == "texture" else f"vertices{plan.ending}"
     # The input, what is baked of it, and the other files.
     reading = partial(progress, options.quiet, "reading", form=options.progress)
     with reading():

@@ -31,7 +31,7 @@ Alpha = Literal["auto", "ignore"]
 OccludedBy = Literal["all", "object", "name"]
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 Format = Literal["npy", "npz", "ply", "glb", "obj", "vtp", "html", "png", "exr", "tif"]
-InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "vrm", "3mf", "dae", "zae"]
+InputFormat = Literal["ply", "obj", "stl", "off", "glb", "gltf", "vrm", "3mf", "dae", "zae", "vtp"]
 ProgressForm = Literal["bar", "json"]
 
 _SECTIONS: dict[str, tuple[Option | str, ...]] = {
@@ -80,7 +80,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
         Option("occluded_by", OccludedBy, "all", "By all, the own object alone, or objects of its name: as if each "
                "were in a file of its own, with occluders and ground.", EVERY_BAKE,
-               excludes=("high", "cluster", "profile")),
+               excludes=("high", "cluster")),
         Option("flip", bool, False, "Turn all faces of the input over, for meshes that look inwards; outputs have them "
                "turned."),
         "normals", "interior", "back_faces",

@@ -42,9 +42,7 @@ _READS = {
 }
 """The endings of outputs that a preset's program reads."""
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
-_CHEAP_PROFILE = {
-    "falloff": "exponential", "max_distance": "inf", "method": "vertex", "tolerance": None, "occluded_by": "all",
-}  # fmt: skip
+_CHEAP_PROFILE = {"falloff": "exponential", "method": "vertex", "tolerance": None}
 """Options with which a profile takes the rays of the bake alone, and has w as baked between its columns."""
 
 
@@ -319,8 +317,6 @@ def _check_vertices(plan: Plan) -> None:
     check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
     if options.high is not None and options.method == "surface":
         raise ConflictError("high", "does not go with", ("method", "surface"))
-    if options.occluded_by != "all" and isinstance(plan.arguments.falloff, tuple):
-        raise ConflictError("occluded_by", "does not go with", "a list of falloffs")
     if options.profile and "profile" not in format_of(plan.output).holds:
         raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
 

@@ -1,31 +1,40 @@
 """`obscurance info`: content, extent and defects of a mesh file."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from obscurance.ao.points.receivers import Flag, find_receivers
-from obscurance.raytrace.errors import printable
+from obscurance.raytrace.errors import InputError, printable
 from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.solids import inward_warnings
 from obscurance.raytrace.mesh.warnings import outlier_warnings, precision_warnings
+from obscurance.raytrace.mesh.weld import coincident
 from obscurance.raytrace.types import Float64s
 
-from ..formats.gltf.occlusion import is_ramp, occlusion_reference
+from ..formats.gltf.occlusion import is_ramp, occlusion_reference, ramp_sets
 from ..formats.load import MeshFile
 
-_NAME = 80  # characters of an object's that are shown
+_NAME, _NAMES = 80, 8  # characters of a name, and names, that are shown
 
 
 def facts(source: MeshFile) -> dict[str, Any]:
     """The facts of `describe` as JSON-ready values: lengths in mesh units, None for what is missing."""
     mesh = source.mesh
     placement = Placement.of(mesh)
-    receivers = find_receivers(mesh, placement)
+    unread = []
+    try:
+        receivers = find_receivers(mesh, placement)
+    except InputError as fault:  # an image of alpha
+        unread = [f"{fault}; its faces are taken for opaque here".removeprefix(f"{source.path}: ")]
+        receivers = find_receivers(replace(mesh, opacity=None), placement)
     _, area = face_normals(placement.vertices.astype(np.float64), mesh.faces)
-    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    uses = np.unique(edges[:, 0] * len(mesh.vertices) + edges[:, 1], return_counts=True)[1]
+    corners = coincident(placement.vertices, mesh.faces)[mesh.faces]
+    edges = np.sort(corners[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edges = edges[edges[:, 0] < edges[:, 1]]
+    uses = np.unique(edges @ [len(mesh.vertices), 1], return_counts=True)[1]
     flagged = {(flag.name or "").lower(): int(np.count_nonzero(receivers.flags & flag)) for flag in Flag}
     profile = source.profile
     stored = "16-bit integers" if source.gltf else "32-bit floats"
@@ -45,13 +54,15 @@ def facts(source: MeshFile) -> dict[str, Any]:
         "radius": mesh.radius,
         "area": _finite(float(area.sum()) / placement.scale / placement.scale),
         "normals": mesh.normals is not None or mesh.corner_normals is not None,
+        "normals_at_corners": mesh.corner_normals is not None,
+        **_surfaces(source),
         "stored_w": _stored(source.w),
-        "stored_profile": profile and {"half_distances": profile.half_distances.tolist(), "stored": stored},
+        "stored_profile": profile and profile.lengths | {"stored": stored},
         "occlusion_textures": _occlusion(source),
         "alpha": mesh.opacity.counts if mesh.opacity else None,
         "points_to_bake": len(receivers.points),
         "flagged_vertices": {name: count for name, count in flagged.items() if count},
-        "warnings": warnings + [line.removeprefix(f"{mesh.source}: ") for line in lines],
+        "warnings": [*unread, *warnings, *(line.removeprefix(f"{mesh.source}: ") for line in lines)],
     }
 
 
@@ -59,9 +70,8 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
     """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
     values = facts(source)
     mesh = source.mesh
-    names = [printable(name, _NAME) for name in values["objects"]]
     open_edges = values["open_edges"]
-    nonmanifold = values["edges_of_three_faces_or_more"]
+    nonmanifold = f"{values['edges_of_three_faces_or_more']:,} between three faces or more"
     bounds = " – ".join("(" + ", ".join(f"{c:.6g}" for c in corner) + ")" for corner in values["bounds"])
     profile = source.profile
     stored = values["stored_profile"]
@@ -71,17 +81,21 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
         occlusion = f"textures of {textures['textured']:,} of {textures['primitives']:,} primitives"
         occlusion += f", {textures['ramps']:,} of them ramps of a bake" if textures["ramps"] else ""
     text = profile and f"w at {len(profile.half_distances)} half-distances, {profile.range}, as {stored['stored']}"
+    normals = "in the file, several at some vertices" if values["normals_at_corners"] else "in the file"
     named_facts = [
         ("file", printable(values["file"])),
-        ("objects", f"{len(names)}: " + ", ".join(names[:8])),
+        ("objects", _listed(values["objects"])),
         ("vertices", f"{values['vertices']:,}"),
         ("faces", f"{values['faces']:,}, {values['degenerate_faces']:,} of them degenerate"),
-        ("edges", f"{values['edges']:,}: {open_edges:,} open, {nonmanifold:,} between three faces or more"),
+        ("edges", f"{values['edges']:,}: {open_edges:,} open, {nonmanifold}; coincident vertices once"),
         ("bounds", bounds),
         ("up", values["up"] or "not said: y"),
         ("radius", f"{values['radius']:.6g}, of the smallest ball that holds it: 100 % for relative distances"),
         ("area", "too large" if values["area"] is None else f"{values['area']:.6g}"),
-        ("normals", "in the file" if values["normals"] else "none in the file"),
+        ("normals", normals if values["normals"] else "none in the file"),
+        ("texture sets", f"{values['texture_sets'] or 'none'} of texture coordinates"),
+        ("materials", _listed(values["materials"])),
+        ("textures", _listed(values["textures"])),
         ("stored w", _stored_in_words(values["stored_w"])),
         *([("profile", text)] if text else []),
         ("occlusion", occlusion),
@@ -90,6 +104,35 @@ def describe(source: MeshFile) -> list[tuple[str, str]]:
     ]
     named_facts += [(f"{name} vertices", f"{count:,}") for name, count in values["flagged_vertices"].items()]
     return named_facts + [("warning", line) for line in values["warnings"]]
+
+
+def _listed(names: list[str]) -> str:
+    """How many names there are, and the first of them."""
+    first = ", ".join(printable(name, _NAME) for name in names[:_NAMES])
+    return f"{len(names)}: {first}" if names else "none in the file"
+
+
+def _surfaces(source: MeshFile) -> dict[str, Any]:
+    """How many sets of texture coordinates a file has, and the names of its materials and of their pictures."""
+    if source.gltf is None:
+        kept = source.held.materials
+        pictures = dict.fromkeys(path for one in kept for path in (one.texture, one.opacity_texture) if path)
+        sets, materials, textures = int(source.uv is not None), [one.name for one in kept], [p.name for p in pictures]
+    else:
+        stored = source.gltf.header
+        sets = len({
+            name
+            for drawn in source.gltf.drawn
+            for name in drawn.primitive.attributes.keys() - {f"TEXCOORD_{n}" for n in ramp_sets(stored, drawn.stored)}
+            if name.startswith("TEXCOORD_")
+        })  # fmt: skip
+        materials = [str(one.name or f"material {n}") for n, one in enumerate(source.gltf.materials.materials)]
+        images = zip(stored.get("images", []), source.gltf.geometry.images, strict=True)
+        textures = [
+            str(table.get("name") or ("" if image.uri.startswith("data:") else image.uri) or table.get("mimeType"))
+            for table, image in images
+        ]
+    return {"texture_sets": sets, "materials": materials, "textures": textures}
 
 
 def _occlusion(source: MeshFile) -> dict[str, int] | None:

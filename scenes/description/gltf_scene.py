@@ -17,6 +17,7 @@ weights are k_d = 1 − k_s of the base and k_s of the facets:
 - metallic 0 and roughness 1: Lambert; there is no highlight to speak of;
 - KHR_materials_unlit without texture: emission of the base colour, and no reflection;
 - emission: emissiveFactor times KHR_materials_emissive_strength;
+- KHR_materials_transmission: a share t of the light passes, alpha is multiplied by 1 − t; there is no refraction;
 - doubleSided: both sides reflect what falls on them, two_sided = "viewer";
 - no material, or one without the metallic-roughness table: the neutral matt grey, or matt white.
 
@@ -73,7 +74,10 @@ _LEAST_SLOPE = 0.02  # sharper highlights of lights without extent are smaller t
 _FACETS = 0.1
 _WHITE = np.ones(4)
 _NO_METAL = np.array([1.0, 1.0, 0.0, 1.0])
-_READ = {"KHR_materials_emissive_strength", "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness"}
+_READ = {
+    "KHR_materials_emissive_strength", "KHR_materials_unlit", "KHR_materials_pbrSpecularGlossiness",
+    records.TRANSMISSION,
+}  # fmt: skip
 T = TypeVar("T")
 Surface = tuple[list[float], float, float, Float64s]  # base colour, roughness, metallic, F0
 
@@ -151,7 +155,7 @@ class Materials:
         reference: records.TextureReference | None = getattr(record, key)
         if reference is None:
             return _WHITE
-        number = entry(self._asset.materials.textures, reference.index, "textures").source
+        number = entry(self._asset.materials.textures, reference.index, "textures").image
         if (number, srgb) not in self._means:
             self._means[number, srgb] = None
             if number is not None:
@@ -209,7 +213,8 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...],
             objects.append(Object(shapes[drawn.shape], matrix, placed.name))
     if not objects:
         raise MeshError(path, "nodes", "at least one triangle to see", "none")
-    notes = tuple(printable(f"{path}: {note}") for placed in instances for note in placed.notes)
+    lines = dict.fromkeys([*(note for placed in instances for note in placed.notes), *textures.notes])
+    notes = tuple(printable(f"{path}: {note}") for note in lines)
     return tuple(objects), asset, notes + materials.notes(), origins
 
 

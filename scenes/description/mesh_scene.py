@@ -85,7 +85,7 @@ def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
     has_uv = ~np.isnan(uv[mesh.faces]).any(axis=(1, 2))
     group = 2 * material_of + has_uv
     parts = ObjectSelection(mesh, np.ones(len(group), np.bool_), group).parts()
-    for number, (vertices, part) in zip(np.unique(group), parts, strict=True):
+    for number, (vertices, _, part) in zip(np.unique(group), parts, strict=True):
         material = materials[number // 2] if number >= 0 else None
         texture = Texture(material.texture) if material and material.texture and number % 2 else None
         own_uv = uv[vertices] if texture else None

@@ -154,7 +154,7 @@ def _materials(placed: Any, pieces: list[Any], folder: Path) -> tuple[tuple[Sour
         texture = None
         if sampler := getattr(effect.diffuse, "sampler", None):  # an image in place of a colour
             picture = str(sampler.surface.image.path)
-            texture = find_picture(unquote(picture), folder)
+            texture = find_picture(unquote(picture), folder) or find_picture(picture, folder)
             unread += [] if texture else [f"texture of diffuse ({picture})"]
         shininess = effect.shininess
         made = SourceMaterial(

@@ -300,9 +300,10 @@ def parser_errors(path: Path, error: type[InputError] = MeshError, content: str 
     except MemoryError:
         raise error(path, "content", "sizes that fit into memory", "larger ones") from None
     except ModuleNotFoundError as missing:
-        packages = "rasterio" if missing.name == "rasterio" else "lxml pycollada"
-        expected = f"{missing.name}, to read it: `python -m pip install {packages}`"
-        raise error(path, "format", expected, f"no {missing.name}") from None
+        name = str(missing.name)
+        packages = name if name in ("rasterio", "DracoPy") else "lxml pycollada"
+        expected = f"{name}, to read it: `python -m pip install {packages}`"
+        raise error(path, "format", expected, f"no {name}") from None
     except Exception as reason:
         begin = {ValueError: "", KeyError: "no "}.get(type(reason), f"{type(reason).__name__}: ")
         message = " ".join(f"{begin}{reason}".split())[:160]

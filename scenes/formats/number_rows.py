@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -35,16 +36,23 @@ def for_blocks(count: int, work: Callable[[int], None]) -> None:
     run_blocks(count, 1, lambda block, _: work(block), thread_count(None))
 
 
-def round_left(data: bytes, values: Float64s) -> None:
+def round_left(data: bytes, values: Float64s, other: float | None = None) -> None:
     """Fill in the values (k,) that kernels have left as NaNs, of numbers that they cannot round.
 
-    Args: data: the text. Raises: ValueError: text that is not numbers.
+    Args: data: the text. other: what stands for text that is not numbers. Raises: ValueError: there is such text.
     """
     odd = np.flatnonzero(np.isnan(values))
     for start in range(0, len(odd), _ODD):
         block = odd[start : start + _ODD]
         offsets = (values.view(np.int64)[block] & _PLACE).tolist()
-        values[block] = np.fromstring(b" ".join(next(_WORD.finditer(data, at))[0] for at in offsets), sep=" ")
+        words = [next(_WORD.finditer(data, at))[0] for at in offsets]
+        if other is None:
+            values[block] = np.fromstring(b" ".join(words), sep=" ")
+            continue
+        for place, word in zip(block, words, strict=True):
+            values[place] = other
+            with suppress(ValueError):
+                values[place] = np.fromstring(word, sep=" ").item()
 
 
 class NumberRows(NamedTuple):

@@ -78,11 +78,13 @@ def find_profile(path: Path) -> Profile | None:
     if path.suffix.lower() == ".npz":
         with _array_errors(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             if set(arrays) >= _ARRAYS:
-                return Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()])
+                limit = arrays["max_distance"][()] if "max_distance" in arrays else None
+                return Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()], limit)
     elif path.suffix.lower() == ".exr":
         layers, metadata = read_image(path)
         if PROFILE in layers:
-            return Profile.stored(metadata.get("half_distances", "").split(), layers[PROFILE], metadata.get("radius"))
+            lengths = metadata.get("half_distances", "").split()
+            return Profile.stored(lengths, layers[PROFILE], metadata.get("radius"), metadata.get("max_distance"))
     elif "profile" in format_of(path).holds:
         return joined_profile(read_objects(path)[0])
     return None

@@ -9,7 +9,7 @@ from obscurance.raytrace.errors import printable
 
 from .load import MeshFile
 from .obj.mtl import MATERIAL_WORDS
-from .ply.write import has_own_colors
+from .ply.write import MESHLAB, cuts_polygons, has_own_colors
 from .table import Channels, FileFormat, format_of
 
 
@@ -23,6 +23,8 @@ def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels =
     if "source" not in row.holds:
         return []
     missing = [*(_of_glb(mesh_file, colors) if row.ending == ".glb" else _of_polygons(mesh_file, row, colors))]
+    if channels.ply_name == MESHLAB and cuts_polygons(mesh_file):
+        missing.append("polygons, which become triangles")
     warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
     if row.name == "PLY" and not colors and has_own_colors(mesh_file.held):
         instead = "w, the openness, is only in the property obscurance; --colors puts it in their place"

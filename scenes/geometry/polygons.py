@@ -108,6 +108,20 @@ def triangulate(
     return Triangulation(counts, crossing, _triangles(starts, counts, clipped, other_diagonal))
 
 
+def strip_triangles(corners: AnyInts, sizes: AnyInts) -> Int64s:
+    """The triangles (m, 3) of strips, every other one turned over, so that all face one way.
+
+    Args: corners: vertex indices, strip after strip; −1 parts strips, too. sizes: of the strips.
+    """
+    at = np.insert(corners.astype(np.int64), np.cumsum(sizes), -1)
+    rows = np.arange(len(at))
+    place = rows - np.maximum.accumulate(np.where(at < 0, rows, -1)) - 1
+    triangles = np.stack([at[:-2], at[1:-1], at[2:]], axis=1) if len(at) > 2 else np.empty((0, 3), np.int64)
+    odd = place[: len(triangles)] % 2 == 1
+    triangles[odd] = triangles[odd, ::-1]
+    return triangles[(triangles >= 0).all(axis=1)]
+
+
 def _triangles(starts: Int64s, counts: Int64s, clipped: dict[int, Int64s], other_diagonal: list[Int64s]) -> Int64s:
     """Triangles (m, 3) of places in the list of corners: of most polygons a fan about its first corner.
 

@@ -102,7 +102,7 @@ def test_a_ply_comment_may_say_end_header(tmp_path):
 def test_an_obj_index_of_very_many_digits_is_no_burden(tmp_path):
     text = obj() + b"vn 0 0 1\nf 1/1/1 2/1/1 3/1/" + b"1" * 200_000 + b"\n"
     start = time.process_time()
-    mistake(tmp_path, "m.obj", text.replace(b"f 1 2 4\n", b"").replace(b"f 1 4 5\n", b"").replace(b"f 3 6 4\n", b""))
+    read(tmp_path, "m.obj", text)
     assert time.process_time() - start < 2
 
 

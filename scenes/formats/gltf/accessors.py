@@ -1,7 +1,7 @@
 """The arrays of a glTF file.
 
-Of compressed arrays, which are not decoded, plain data beside them are read and kept (KHR_draco_mesh_compression,
-EXT_meshopt_compression, KHR_meshopt_compression). Format: Khronos glTF 2.0 specification, sections 3.6 and 3.11.
+Of arrays that meshopt has compressed, which are not decoded, plain data beside them are read and kept
+(EXT_meshopt_compression, KHR_meshopt_compression). Format: Khronos glTF 2.0 specification, sections 3.6 and 3.11.
 """
 
 from typing import Any
@@ -12,11 +12,12 @@ import numpy.typing as npt
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.types import Float64s
 
+from ...geometry.polygons import strip_triangles
 from .asset import MESHOPT, Gltf, entry
 from .records import TRIANGLE_STRIP, Primitive, Sparse
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-_COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _ZEROS, _GROWTH = 1 << 22, 16  # values of an accessor without a base, and more of them a byte of the file
 
 
@@ -45,7 +46,7 @@ def values(asset: Gltf, number: int, *kinds: str) -> npt.NDArray[Any]:
         got = f"{accessor.type} of {accessor.componentType}"
         raise MeshError(asset.path, field, f"{kinds[0]} of a component type", got)
     item = np.dtype(COMPONENTS[accessor.componentType])
-    columns = _COLUMNS[accessor.type]
+    columns = COLUMNS[accessor.type]
     if accessor.bufferView is not None:
         base = _rows(asset, accessor.bufferView, accessor.byteOffset, (count, columns), item, field)
     elif sparse is None and asset.compressions:
@@ -112,9 +113,7 @@ def triangles(asset: Gltf, primitive: Primitive, count: int) -> npt.NDArray[Any]
         corners = values(asset, primitive.indices, "SCALAR").ravel()
     if primitive.mode != TRIANGLE_STRIP:
         return corners.reshape(-1, 3)
-    faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1) if len(corners) > 2 else corners[:0, None]
-    faces[1::2] = faces[1::2, ::-1]
-    return faces.reshape(-1, 3)
+    return strip_triangles(corners, np.array([len(corners)]))
 
 
 def column(asset: Gltf, primitive: Primitive, name: str, *kinds: str) -> Float64s | None:

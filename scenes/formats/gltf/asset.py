@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
-from urllib.parse import unquote
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from obscurance.raytrace.types import Float64s
 
 from ...geometry.instances import rotation_of_quaternion
 from ...json_toml import parse_json
-from ...safe_paths import resolve_inside
+from ...safe_paths import resolve_uri
 from . import records
 from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler, parse
 
@@ -77,7 +76,7 @@ class Gltf:
         buffers = self.geometry.buffers
         images = self.geometry.images
         names = dict.fromkeys([*(stored.uri or "" for stored in buffers), *(stored.uri for stored in images)])
-        paths = [resolve_inside(unquote(name), self.path.parent) for name in names if not name.startswith("data:")]
+        paths = [resolve_uri(name, self.path.parent) for name in names if not name.startswith("data:")]
         return self.path, *(path for path in paths if path)
 
     @cached_property
@@ -89,7 +88,7 @@ class Gltf:
         try:
             if uri.startswith("data:"):
                 return base64.b64decode(uri.partition("base64,")[2])
-            target = resolve_inside(unquote(uri), self.path.parent)
+            target = resolve_uri(uri, self.path.parent)
             return self._read(target) if target else None
         except (OSError, ValueError):
             return None

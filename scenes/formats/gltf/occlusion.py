@@ -151,7 +151,9 @@ def stored_entry(header: dict[str, Any], key: str, number: int | None) -> dict[s
 
 def _source(header: dict[str, Any], reference: dict[str, Any]) -> int | None:
     """The number of the image that a texture reference leads to."""
-    return stored_entry(header, "textures", reference["index"]).get("source")
+    texture = stored_entry(header, "textures", reference["index"])
+    webp: int | None = texture.get("extensions", {}).get("EXT_texture_webp", {}).get("source")
+    return webp if texture.get("source") is None else texture["source"]
 
 
 def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:

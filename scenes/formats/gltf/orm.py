@@ -72,8 +72,8 @@ class OrmTextures(OcclusionTextures):
             with suppress(ValueError):  # an image or sampler that is not there, or no PNG or JPEG
                 texture = entry(self.asset.materials.textures, number, "textures")
                 self.asset.sampler(texture)
-                if texture.source is not None:
-                    codes = texture_codes(Textures(self.asset).image(texture.source))
+                if texture.image is not None:
+                    codes = texture_codes(Textures(self.asset).image(texture.image))
                     if codes.dtype in (np.uint8, np.uint16) and codes.shape[2] <= 4:
                         self._images[number] = codes
         return self._images.get(number)

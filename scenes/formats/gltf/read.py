@@ -14,8 +14,9 @@ from ...geometry.instances import Instance, check_copies
 from ..table import MeshInput
 from .accessors import normalized, triangles, values, vectors
 from .asset import Gltf, decode, entry
+from .draco import decompressed
 from .pose import Poses, in_words
-from .records import PROFILE, Primitive
+from .records import PROFILE, TRANSMISSION, Primitive
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
@@ -29,7 +30,7 @@ def read_gltf(mesh_input: MeshInput) -> tuple[list[Instance], Gltf]:
     Raises: ValueError: as `decode` and `Poses`, compressed values, very many copies, nodes that are no tree, no image
         with alpha.
     """
-    asset = decode(mesh_input.file.read(), mesh_input.path)
+    asset = decompressed(decode(mesh_input.file.read(), mesh_input.path))
     textures = None
     if mesh_input.alpha and _has_alpha(asset):
         from .textures import Textures, opacity_of
@@ -60,6 +61,8 @@ def read_gltf(mesh_input: MeshInput) -> tuple[list[Instance], Gltf]:
             notes += (f"{name} is drawn many times by {_COPIES}, which is not read: once here",)
         matrix = asset.world[drawn.node] if drawn.skin is None else shape.matrix
         instances.append(shape._replace(name=name, matrix=matrix, notes=notes))
+    if textures and textures.notes:
+        instances[0] = instances[0]._replace(notes=(*instances[0].notes, *textures.notes))
     return instances, asset
 
 
@@ -67,7 +70,9 @@ def _has_alpha(asset: Gltf) -> bool:
     """Whether some material may not be opaque; opaque ones are not read."""
     materials = asset.header.get("materials", [])
     tables = [table for table in materials if isinstance(table, dict)] if isinstance(materials, list) else []
-    return any(table.get("alphaMode", "OPAQUE") != "OPAQUE" for table in tables)
+    return any(
+        table.get("alphaMode", "OPAQUE") != "OPAQUE" or TRANSMISSION in table.get("extensions", ()) for table in tables
+    )
 
 
 def _shape(asset: Gltf, primitive: Primitive) -> Instance:
@@ -105,5 +110,5 @@ def _stored_profile(asset: Gltf, attributes: dict[str, int], count: int) -> Prof
         if len(columns) == count:
             from obscurance.ao import Profile
 
-            return Profile.stored(lengths, columns[:, : len(lengths)], extras["radius"])
+            return Profile.stored(lengths, columns[:, : len(lengths)], extras["radius"], extras.get("max_distance"))
     return None

@@ -2,7 +2,8 @@
 
 Whole numbers are indices and sizes, from 0; whether they point at something is found where they are used. What does not
 match is refused by name. Format: Khronos glTF 2.0 specification, section 5; of extensions KHR_lights_punctual,
-KHR_texture_transform, KHR_materials_emissive_strength, KHR_materials_pbrSpecularGlossiness, KHR_materials_variants,
+KHR_texture_transform, EXT_texture_webp, KHR_texture_basisu, EXT_texture_avif, KHR_materials_emissive_strength,
+KHR_materials_pbrSpecularGlossiness, KHR_materials_variants, KHR_materials_transmission, KHR_draco_mesh_compression,
 meshopt_compression.
 """
 
@@ -27,6 +28,7 @@ Matrix = tuple[
 PROFILE = "_OBSCURANCE_PROFILE_"  # and a number: attributes of four columns each
 WRAP = 10497  # REPEAT
 LIGHTS = "extensions.KHR_lights_punctual.lights"
+TRANSMISSION = "KHR_materials_transmission"
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 
 
@@ -67,6 +69,8 @@ class Primitive(Record):
     material: Index | None = None
     mode: Index = TRIANGLES
     targets: list[dict[str, Index]] = []
+    draco: Annotated[Index | None, At("extensions.KHR_draco_mesh_compression.bufferView")] = None
+    draco_attributes: Annotated[dict[str, Index], At("extensions.KHR_draco_mesh_compression.attributes")] = {}
     variants: Annotated[list[Variant], At("extensions.KHR_materials_variants.mappings")] = []
 
 
@@ -140,7 +144,21 @@ class GltfGeometry(Record):
 
 class GltfTexture(Record):
     source: Index | None = None
+    webp: Annotated[Index | None, At("extensions.EXT_texture_webp.source")] = None
+    ktx2: Annotated[Index | None, At("extensions.KHR_texture_basisu.source")] = None
+    avif: Annotated[Index | None, At("extensions.EXT_texture_avif.source")] = None
+    extensions: dict[str, Any] = {}
     sampler: Index | None = None
+
+    @property
+    def image(self) -> int | None:
+        """Number of the image in a format that is read."""
+        return self.webp if self.source is None else self.source
+
+    @property
+    def unreadable(self) -> int | None:
+        """Number of the image in one that is not."""
+        return self.avif if self.ktx2 is None else self.ktx2
 
 
 class Sampler(Record):
@@ -181,6 +199,11 @@ class SpecularGlossiness(Record):
     specularGlossinessTexture: TextureReference | None = None
 
 
+class Transmission(Record):
+    transmissionFactor: Number = 0
+    transmissionTexture: TextureReference | None = None
+
+
 class GltfMaterial(Record):
     extensions: dict[str, Any] = {}
     name: Any = ""
@@ -193,6 +216,7 @@ class GltfMaterial(Record):
     emissiveFactor: Vector = (0, 0, 0)
     emissiveTexture: TextureReference | None = None
     emissiveStrength: Annotated[Number, At("extensions.KHR_materials_emissive_strength.emissiveStrength")] = 1
+    transmission: Annotated[Transmission, At(f"extensions.{TRANSMISSION}")] = Transmission()
     specular: Annotated[SpecularGlossiness | None, At("extensions.KHR_materials_pbrSpecularGlossiness")] = None
 
     @property

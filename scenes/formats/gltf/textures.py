@@ -1,7 +1,8 @@
 """Textures of a glTF file, by the coordinates of its primitives; alpha of their faces, colours of their vertices.
 
 Of samplers the wrap modes are read; filtering is the renderer's. Format: Khronos glTF 2.0 specification, sections
-3.6.2, 3.7.2.1 (`COLOR_0`), 3.8, 3.9.2 to 3.9.4 and 5.26; KHR_texture_transform.
+3.6.2, 3.7.2.1 (`COLOR_0`), 3.8, 3.9.2 to 3.9.4 and 5.26; KHR_texture_transform, EXT_texture_webp;
+KHR_materials_transmission.
 """
 
 from collections.abc import Collection, Sequence
@@ -14,20 +15,20 @@ import numpy as np
 import numpy.typing as npt
 
 from obscurance.raytrace import AlphaSurface, Opacity
-from obscurance.raytrace.errors import MeshError, SceneError
+from obscurance.raytrace.errors import InputError, MeshError, SceneError
 from obscurance.raytrace.image.colour import encode_srgb
-from obscurance.raytrace.image.texture import Texture, Wrap
+from obscurance.raytrace.image.texture import Texture, Wrap, texture_mean
 from obscurance.raytrace.mesh.mesh import PerCorner
 from obscurance.raytrace.types import Float64s, Int64s
 
 from ...geometry.attributes import SourceAttributes, triangle_attributes
 from ...geometry.instances import Submesh
 from ...json_toml import shown
-from ...safe_paths import confined
+from ...safe_paths import confined, resolve_uri
 from .accessors import column, flipped, view_bytes
 from .asset import Gltf, entry
 from .occlusion import ramp_sets
-from .records import GltfTexture, Primitive, TextureReference
+from .records import TRANSMISSION, GltfMaterial, GltfTexture, Primitive, TextureReference
 
 _ROUNDING = 0.51 / 255  # of the grey that a bake writes
 _MODES: dict[int, Wrap] = {10497: "repeat", 33648: "mirrored_repeat", 33071: "clamp_to_edge"}
@@ -40,14 +41,18 @@ _WORDS = {
 
 @dataclass(eq=False)
 class Textures:
-    """The textures of an asset, each made once."""
+    """The textures of an asset, each made once; `notes` names pictures that cannot be had, which are left out."""
 
     asset: Gltf
+    notes: dict[str, None] = field(default_factory=dict)
     _made: dict[tuple[int, tuple[Wrap, Wrap], bool], Texture] = field(default_factory=dict)
 
-    def of_base(self, primitive: Primitive) -> tuple[Float64s, Texture] | None:
-        """Coordinates uv (n, 2), v upwards, and the base colour texture of a primitive that has both, or None."""
-        return self._lookup(primitive, self.asset.material(primitive).base[1], srgb=True)
+    def of_base(self, primitive: Primitive, needed: bool = False) -> tuple[Float64s, Texture] | None:
+        """Coordinates uv (n, 2), v upwards, and the base colour texture of a primitive that has both, or None.
+
+        Args: needed: give also a picture in a format that is not read, which who reads it refuses by name.
+        """
+        return self._lookup(primitive, self.asset.material(primitive).base[1], srgb=True, needed=needed)
 
     def of_occlusion(self, primitive: Primitive) -> tuple[Float64s, Texture, float] | None:
         """Coordinates, the occlusion texture, whose R channel is linear, and its strength in [0, 1]; None without
@@ -56,27 +61,51 @@ class Textures:
         used = self._lookup(primitive, reference, srgb=False)
         return None if reference is None or used is None else (*used, float(np.clip(reference.strength, 0.0, 1.0)))
 
+    def transmission(self, material: GltfMaterial) -> float:
+        """The share t in [0, 1] of light that passes a material: its factor, times the mean of its texture."""
+        share = float(np.clip(material.transmission.transmissionFactor, 0.0, 1.0))
+        reference = material.transmission.transmissionTexture
+        if share and reference:
+            stored = entry(self.asset.materials.textures, reference.index, "textures")
+            if stored.image is not None:
+                try:
+                    share *= float(texture_mean(replace(self.image(stored.image), srgb=False))[0])
+                except InputError as fault:
+                    self._leave_out(str(fault).removeprefix(f"{self.asset.path}: "))
+        return share
+
     def _lookup(
-        self, primitive: Primitive, reference: TextureReference | None, srgb: bool
+        self, primitive: Primitive, reference: TextureReference | None, srgb: bool, needed: bool = False
     ) -> tuple[Float64s, Texture] | None:
         """Coordinates (n, 2), v upwards, and the texture of a reference; None if the primitive or the file lacks
-        either."""
+        either, or the picture cannot be had, which `notes` then says."""
         if reference is None:
             return None
         moved = reference.transform
         number = reference.texCoord if moved.texCoord is None else moved.texCoord
         stored = entry(self.asset.materials.textures, reference.index, "textures")
         uv = column(self.asset, primitive, f"TEXCOORD_{number}", "VEC2")
-        if uv is None or stored.source is None:
+        image = stored.unreadable if needed and stored.image is None else stored.image
+        if uv is None or image is None:
+            if uv is not None and stored.extensions:
+                got = ", ".join(stored.extensions)
+                self._leave_out(f"textures[{reference.index}]: expected a PNG, JPEG or WebP picture, got {got}")
             return None
-        key = stored.source, self._wrap(stored), srgb
+        key = image, self._wrap(stored), srgb
         if key not in self._made:
-            self._made[key] = replace(self.image(stored.source), wrap=key[1], srgb=srgb)
+            try:
+                self._made[key] = replace(self.image(image), wrap=key[1], srgb=srgb)
+            except SceneError as fault:
+                self._leave_out(str(fault).removeprefix(f"{self.asset.path}: "))
+                return None
         if vars(moved):  # scaled, turned anticlockwise as seen, then moved
             c = cos(moved.rotation)
             s = sin(moved.rotation)
             uv = (uv * moved.scale) @ np.array([[c, -s], [s, c]]) + moved.offset
         return flipped(uv), self._made[key]
+
+    def _leave_out(self, fault: str) -> None:
+        self.notes[f"{fault}; the picture is left out"] = None
 
     def _wrap(self, texture: GltfTexture) -> tuple[Wrap, Wrap]:
         """Wrap modes along u and v of a texture. Raises: MeshError: modes of no name."""
@@ -100,17 +129,23 @@ class Textures:
             if not data:
                 raise SceneError(self.asset.path, field, "an image in base64", shown(stored.uri))
             return Texture(label, data)
-        return Texture(confined(unquote(stored.uri), self.asset.path.parent, self.asset.path, field))
+        folder = self.asset.path.parent
+        return Texture(resolve_uri(stored.uri, folder) or confined(unquote(stored.uri), folder, self.asset.path, field))
 
 
 def opacity_of(textures: Textures, primitive: Primitive, faces: Int64s) -> Opacity | None:
-    """Alpha of the faces (m, 3): base colour factor, its texture and COLOR_0; None where all is opaque."""
+    """Alpha of the faces (m, 3): base colour factor, its texture and COLOR_0, times 1 − t where a share t of the light
+    is transmitted; None where all is opaque."""
     material = textures.asset.material(primitive)
+    transmitted = textures.transmission(material)
     if material.alphaMode == "OPAQUE":
-        return None
-    uv, texture = textures.of_base(primitive) or (None, None)
+        return Opacity.uniform(AlphaSurface(1.0 - transmitted), faces) if transmitted else None
+    uv, texture = textures.of_base(primitive, needed=True) or (None, None)
     cutoff = material.alphaCutoff if material.alphaMode == "MASK" else None
-    alpha = AlphaSurface(float(np.clip(material.base[0][3], 0, 1)), texture, cutoff=cutoff)
+    if transmitted and cutoff is not None:
+        textures.notes[f"materials[{primitive.material}]: {TRANSMISSION} of what is cut out is not read"] = None
+    through = 1.0 if cutoff is not None else 1.0 - transmitted
+    alpha = AlphaSurface(float(np.clip(material.base[0][3], 0, 1)) * through, texture, cutoff=cutoff)
     number = primitive.attributes.get("COLOR_0")
     accessors = textures.asset.geometry.accessors
     corners = None

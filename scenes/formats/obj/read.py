@@ -35,8 +35,7 @@ def read_obj(mesh_input: MeshInput) -> list[Instance]:
     normals = file.normals()
     vertex_normals = normals and normals.at_vertices(file.corners, len(file.vertices), np.nan)
     triangles = triangulate(file.vertices, file.corners, file.sizes, mesh_input.source)
-    notes = file.notes + triangles.notes
-    instance = Instance(mesh_input.name, file.vertices, triangles.take(file.corners), vertex_normals, notes=notes)
+    instance = Instance(mesh_input.name, file.vertices, triangles.take(file.corners), vertex_normals)
     if normals and vertex_normals is None:
         instance = instance._replace(corner_normals=PerCorner(normals.values, triangles.take(normals.of)))
     libraries = (
@@ -48,20 +47,18 @@ def read_obj(mesh_input: MeshInput) -> list[Instance]:
     if mesh_input.keep:
         attributes, unread = obj_attributes(file, libraries, triangles)
         instance = instance._replace(attributes=attributes, unread=unread)
+    of_alpha: tuple[str, ...] = ()
     if mesh_input.alpha:
         opacity, of_alpha = obj_opacity(file, libraries, triangles)
         unread = tuple(words for words in instance.unread if not any(note.startswith(words) for note in of_alpha))
-        instance = instance._replace(opacity=opacity, unread=unread, notes=notes + of_alpha)
-    return [instance._replace(polygons=triangles.polygons)]
+        instance = instance._replace(opacity=opacity, unread=unread)
+    return [instance._replace(polygons=triangles.polygons, notes=file.notes + triangles.notes + of_alpha)]
 
 
 def obj_attributes(
     file: ObjText, libraries: Libraries, triangles: Triangulation
 ) -> tuple[SourceAttributes, tuple[str, ...]]:
     """All of an OBJ file that can be kept beside its mesh, and the rest in words."""
-    # Texture coordinates and colours.
-    uv = file.uv()
-    uv_is_finite = uv is None or np.isfinite(uv.values[uv.of[file.some("vt")]]).all()
     colors = file.colors
     if colors is not None and not ((colors >= 0) & (colors <= 1)).all():
         colors = None
@@ -80,14 +77,13 @@ def obj_attributes(
         (objects.kinds > MAX_OBJECTS, f"its division into {objects.kinds:,} objects"),
         (len(set(file.lines("s").split())) > 1, "smoothing groups"),
         (any(run.keyword in _OTHER for run in file.runs), "lines, points, curves and surfaces"),
-        (not uv_is_finite, "texture coordinates, some of which are not finite"),
         (colors is None and file.has_colors, "colours, which some vertices lack or have outside of [0, 1]"),
     )
     attributes = SourceAttributes(
         file.corners,
         file.sizes,
         triangles,
-        uv=uv if uv_is_finite else None,
+        uv=file.uv,
         colors=colors,
         materials=materials,
         material_of=used.of if materials else None,
@@ -119,7 +115,7 @@ def obj_opacity(
         return None, notes
     from obscurance.raytrace.image.texture import Texture
 
-    uv = file.uv()
+    uv = file.uv
     surfaces = []
     for material in materials.values():
         image = material.opacity_texture if uv else None

@@ -4,6 +4,7 @@ Kernels read vertices and faces from blocks of the file's bytes, on all cores; t
 """
 
 import re
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -63,17 +64,18 @@ class ObjText:
         vertices: (n, 3). colors: (n, 3), where every line has six numbers, or None. has_colors: whether some have.
         sizes: (p,), corners of each face. corners: (c,), the vertex of each.
         indices: (c,) by keyword, of the corners' `vt` and `vn`, from 1 on, or `NONE`.
-        notes: warnings about what of the file is ignored.
+        notes: warnings about what of the file is ignored, also of `uv` once that was used.
     """
 
     def __init__(self, data: bytes, source: str) -> None:
-        """Raises: MeshError: too few coordinates or corners, an index of nothing. ValueError: text that is none."""
+        """Raises: MeshError: too few coordinates, an index of no vertex. ValueError: text that is none."""
         # The lines, continued ones joined.
         data = data.removeprefix(b"\xef\xbb\xbf")
         if b"\\" in data:
             for end in (b"\r\n", b"\r", b"\n"):
                 data = data.replace(b"\\" + end, b" ")
-        self._source, (self._data, self._text, self._blocks) = source, line_blocks(data)
+        self._data, self._text, self._blocks = line_blocks(data)
+        self.runs: list[Run] = []
         self._survey()
         # Vertices and their colours.
         numbers = self._numbers("v")
@@ -84,19 +86,30 @@ class ObjText:
         self.has_colors = bool((self._tallies[:, V, LEAST : MOST + 1] == 6).any())
         # Faces, and the indices of their corners.
         self.sizes, (of_vertices, *others), valid = self._faces()
-        if (self.sizes < 3).any():
-            field = f"face {int(np.argmax(self.sizes < 3)) + 1}"
-            raise MeshError(source, field, "three corners or more", int(self.sizes.min()))
         if not valid or any(run.keyword in (*NUMBERED, "f") for run in self.runs):
             raise ValueError("string or file could not be read to its end due to unmatched data")  # as NumPy says
+        self.notes: tuple[str, ...] = ()
+        is_polygon = self.sizes >= 3
+        if not is_polygon.all():
+            self.notes += (f"{int((~is_polygon).sum()):,} faces of fewer than three corners are left out",)
+            of_vertices, *others = (of[np.repeat(is_polygon, self.sizes)] for of in (of_vertices, *others))
+            self.sizes = self.sizes[is_polygon]
+            before = np.append(0, np.cumsum(is_polygon))
+            self.runs = [run._replace(faces=int(before[run.faces])) for run in self.runs]
         absent: Int64s = np.broadcast_to(np.array(NONE), len(of_vertices))
         self.indices: dict[str, Int64s] = dict(zip(NUMBERED[1:], others or (absent, absent), strict=True))
-        self.notes: tuple[str, ...] = ()
         for keyword, indices in self.indices.items():
-            if self.some(keyword).any() and not self._before[-1, NUMBERED.index(keyword), COUNT]:
-                self.indices[keyword] = np.full_like(indices, NONE)
-                self.notes += (f"indices of {keyword} are ignored: the file has no line {keyword}",)
-        self.corners = self._from_zero(of_vertices, len(self.vertices), "v")
+            count = int(self._before[-1, NUMBERED.index(keyword), COUNT])
+            wrong = self.some(keyword) & ((indices < 1) | (indices > count))
+            if wrong.any():
+                self.indices[keyword] = np.where(wrong, NONE, indices)
+                of = f"{int(wrong.sum()):,} of {int(self.some(keyword).sum() + wrong.sum()):,} indices of {keyword}"
+                self.notes += (f"{of} are ignored: the file has {count:,} lines {keyword}",)
+        if len(of_vertices) and not 1 <= of_vertices.min() <= of_vertices.max() <= len(self.vertices):
+            outside = (of_vertices < 1) | (of_vertices > len(self.vertices))
+            got = int(of_vertices[np.argmax(outside)])
+            raise MeshError(source, "f", f"v indices from 1 to {len(self.vertices)}", got)
+        self.corners = of_vertices - 1
 
     def _survey(self) -> None:
         """`runs`; tallies (blocks, 4, 6) of `lines.survey`, and their sums before each block (blocks + 1, 4, 6)."""
@@ -111,7 +124,6 @@ class ObjText:
         for_blocks(len(tallies), work)
         self._tallies = tallies
         self._before = np.cumsum(np.insert(tallies, 0, 0, axis=0), axis=0)
-        self.runs: list[Run] = []
         for faces, others in zip(self._before[:, F, COUNT].tolist(), runs_of, strict=False):
             for begin, end, more in others.tolist():
                 text = self._data[begin:end].decode("utf-8", "replace").replace("\r", "\n")
@@ -119,12 +131,12 @@ class ObjText:
 
     def _numbers(self, keyword: str) -> Float64s:
         """The numbers of a keyword's lines, (k, any): all where lines have equally many, else the first that are
-        needed."""
+        needed, infinite where one is none. Raises: ValueError: coordinates of vertices that are no numbers."""
         kind = NUMBERED.index(keyword)
         least = self._tallies[:, kind, LEAST].min()
         needed = int(NEEDED[kind])
         alike = needed <= least == self._tallies[:, kind, MOST].max()
-        ends = self._before[:, kind, USABLE]
+        ends = self._before[:, kind, COUNT]
         values = np.empty((ends[-1], least if alike else needed))
 
         def work(block: int) -> None:
@@ -133,7 +145,7 @@ class ObjText:
                 read_numbers(self._text, *self._blocks[block], kind, row)
 
         for_blocks(len(self._blocks), work)
-        round_left(self._data, values.reshape(-1))
+        round_left(self._data, values.reshape(-1), None if keyword == "v" else np.inf)
         return values
 
     def _faces(self) -> tuple[Int64s, Int64s, bool]:
@@ -155,24 +167,39 @@ class ObjText:
         return re.sub(rf"^[ \t]*{keyword}", "", re.sub(r"#[^\n]*", "", text), flags=re.MULTILINE)
 
     def normals(self) -> PerCorner | None:
-        """`vn` of the corners, NaN where a corner has none; None if none has. Raises: as the constructor."""
-        return self._per_corner("vn") if self.some("vn").any() else None
+        """`vn` of the corners, NaN where a corner has none; None if none has."""
+        return self._per_corner("vn")[0] if self.some("vn").any() else None
 
+    @cached_property
     def uv(self) -> PerCorner | None:
-        """`vt` of the corners, v upwards, NaN where a corner has none; None if none has. Raises: as the constructor."""
-        return self._per_corner("vt") if self.some("vt").any() else None
+        """`vt` of the corners, v upwards, NaN where a corner has none; None if none has."""
+        if not self.some("vt").any():
+            return None
+        uv, wrong = self._per_corner("vt")
+        if wrong:
+            self.notes += (
+                f"texture coordinates of {wrong:,} corners are ignored: their vt are not two finite numbers",
+            )
+        return uv
 
     def some(self, keyword: str) -> Bools:
         """Which corners (c,) have an index of `vt` or `vn`."""
         return np.asarray(self.indices[keyword] != NONE)
 
-    def _per_corner(self, keyword: str) -> PerCorner:
-        """`vt` or `vn` by corner, NaN where a corner has none."""
+    def _per_corner(self, keyword: str) -> tuple[PerCorner, int]:
+        """`vt` or `vn` by corner, NaN where a corner has none, and of how many they are not finite."""
         values = np.ascontiguousarray(self._numbers(keyword)[:, : NEEDED[NUMBERED.index(keyword)]])
-        has_index = self.some(keyword)
-        of = np.full(len(has_index), len(values))
-        of[has_index] = self._from_zero(self.indices[keyword][has_index], len(values), keyword)
-        return PerCorner(values if has_index.all() else np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan), of)
+        lacks = ~self.some(keyword)
+        of = np.where(lacks, len(values), self.indices[keyword] - 1)
+        is_wrong = ~np.isfinite(values).all(axis=1)
+        wrong = 0
+        if is_wrong.any():
+            of_wrong = np.append(is_wrong, False)[of]
+            wrong = int(of_wrong.sum())
+            of[of_wrong], values[is_wrong] = len(values), 0.0
+        if wrong or lacks.any():
+            values = np.pad(values, ((0, 1), (0, 0)), constant_values=np.nan)
+        return PerCorner(values, of), wrong
 
     def named(self, keyword: str) -> FaceNames:
         """The faces by the statements before them, such as `usemtl`."""
@@ -188,10 +215,3 @@ class ObjText:
         counts = np.diff(np.append(begins, len(self.sizes)))
         of = np.array(labels)
         return FaceNames(tuple(names), np.repeat(of, counts), len(set(of[counts > 0].tolist())))
-
-    def _from_zero(self, indices: Int64s, count: int, keyword: str) -> Int64s:
-        """Indices from zero on, of indices from one on."""
-        if len(indices) and not 1 <= indices.min() <= indices.max() <= count:
-            outside = (indices < 1) | (indices > count)
-            raise MeshError(self._source, "f", f"{keyword} indices from 1 to {count}", int(indices[np.argmax(outside)]))
-        return indices - 1

@@ -27,7 +27,8 @@ NAMES = {
 """The format's names of the types that NumPy calls by these letters."""
 _TYPES = {name: letter for letter in NAMES for name in (NAMES[letter], np.dtype(letter).name)}
 _ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
-_END = re.compile(rb"^end_header[ \t\r]*\n", re.MULTILINE)
+_CR = re.compile(rb"ply[ \t]*\r(?!\n)")
+_END, _END_BY_CR = re.compile(rb"^end_header[ \t\r]*\n", re.MULTILINE), re.compile(rb"\rend_header[ \t]*\r")
 INDICES = ("vertex_indices", "vertex_index")
 COUNT = "number of "
 UP_COMMENT = "comment up "  # of files of ours, and an axis
@@ -70,18 +71,20 @@ class PlyHeader(NamedTuple):
     def profile(self, columns: Mapping[str, npt.NDArray[Any]]) -> Profile | None:
         """The profile that a bake has left. Args: columns: of the vertices."""
         for line in (line for line in self.comments if line.startswith(PROFILE_COMMENT)):
-            radius, *lengths = line.removeprefix(PROFILE_COMMENT).split() or ["0"]
+            numbers, _, limit = line.removeprefix(PROFILE_COMMENT).partition("max_distance")
+            radius, *lengths = numbers.split() or ["0"]
             names = [f"{PROFILE}{number:02}" for number in range(len(lengths))]
             if names and set(names) <= set(columns):
                 from obscurance.ao import Profile
 
-                return Profile.stored(lengths, np.stack([columns[name] for name in names], axis=1), radius)
+                values = np.stack([columns[name] for name in names], axis=1)
+                return Profile.stored(lengths, values, radius, limit.strip() or None)
         return None
 
 
 def read_header(data: bytes) -> PlyHeader:
     """The header at the beginning of a file. Raises: ValueError, KeyError: it is none."""
-    end = _END.search(data)
+    end = (_END_BY_CR if _CR.match(data) else _END).search(data)
     if data[:3] != b"ply" or not end:
         raise ValueError("no header of a PLY file")
     text = data[: end.start()].decode("latin-1").splitlines()

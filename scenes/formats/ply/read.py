@@ -15,7 +15,7 @@ from obscurance.raytrace.errors import MeshError
 
 from ...geometry.attributes import Element, Property
 from ...geometry.instances import Instance
-from ...geometry.polygons import triangulate
+from ...geometry.polygons import strip_triangles, triangulate
 from ..number_rows import NumberRows, whole
 from ..table import MeshInput
 from .layout import COUNT, INDICES, PlyHeader, columns_of, ply_attributes, read_header, row_of
@@ -26,12 +26,16 @@ _NORMAL = ("nx", "ny", "nz")
 def read_ply(mesh_input: MeshInput) -> list[Instance]:
     """The vertices and triangles, with normals if there are `nx ny nz`; with `keep` all elements.
 
+    `tristrips` of a file without faces become a face for each triangle.
+
     Raises: MeshError: the file ends early, or has no vertices. ValueError, KeyError: anything else that is not PLY.
     """
     data = mesh_input.file.read()
     source = mesh_input.source
     header = read_header(data)
     elements = _read_text(data, header, source) if header.text else _read_binary(data, header, source)
+    if "face" not in [element.name for element in elements]:
+        elements = [_cut(element) if element.name == "tristrips" else element for element in elements]
     if not any(element.count for element in elements if element.name == "vertex"):
         raise MeshError(source, "elements", "one of vertices", "none")
     vertex = {name: column.values for name, column in columns_of(elements, "vertex").items()}
@@ -56,6 +60,14 @@ def read_ply(mesh_input: MeshInput) -> list[Instance]:
     w = vertex.get("obscurance")
     profile = header.profile(vertex)
     return [instance._replace(w=w, profile=profile, polygons=triangles.polygons)]
+
+
+def _cut(strips: Element) -> Element:
+    """A face for each triangle of lists of vertices, strips that −1 parts, as Stanford's files have them."""
+    (column,) = (column for column in strips.properties if column.counted)
+    corners = strip_triangles(whole(column.values), column.sizes)
+    faces = Property(INDICES[0], "i", corners.ravel(), "B", np.full(len(corners), 3))
+    return Element("face", len(corners), (faces,))
 
 
 def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:

@@ -17,6 +17,7 @@ from .layout import COUNT, RGB, UP_COMMENT, grey_of, is_profile, own_colors, sto
 OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
 _COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"}
+MESHLAB = "quality"  # the property that MeshLab shows
 _COMMENTS |= {name[0]: f"; {name} = obscurance as sRGB" for name in RGB}
 
 
@@ -27,12 +28,16 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
     and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).
 
-    `channels.ply_name` is another property with w. With `channels.colors` "rgb" the grey also replaces the source's own
-    colours; with one letter w replaces only that channel. A comment says which axis but y is up.
+    `channels.ply_name` is another property with w; where it is MeshLab's, see `cuts_polygons`. With `channels.colors`
+    "rgb" the grey also replaces the source's own colours; with one letter w replaces only that channel. A comment says
+    which axis but y is up.
     """
     attributes = mesh_file.held
     profile = bake.profile
     elements = attributes.elements or _elements(mesh_file.mesh, attributes)
+    cut = channels.ply_name == MESHLAB and cuts_polygons(mesh_file)
+    if cut:
+        elements = tuple(_cut(element, attributes) if element.name == "face" else element for element in elements)
     colour_channels = channels.colors or ("" if has_own_colors(attributes) else "rgb")
     # Comments: the axis that is up, what the grey is, and the profile's distances.
     axis = up_axis(mesh_file.mesh, channels.up)
@@ -41,12 +46,13 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
         comments.insert(0, UP_COMMENT + axis)
     comments.insert(0, OWN + _COMMENTS[colour_channels])
     if profile:
-        numbers = [profile.radius, *profile.half_distances.tolist()]
-        comments.insert(1, layout.PROFILE_COMMENT + " ".join(map(repr, numbers)))
+        words = [*map(repr, [profile.radius, *profile.half_distances.tolist()])]
+        words += ["max_distance", repr(profile.max_distance)] if "max_distance" in profile.lengths else []
+        comments.insert(1, layout.PROFILE_COMMENT + " ".join(words))
     # The elements, with w in that of vertices or of faces.
     further = channels.ply_name
     named = "face" if bake.at == "faces" else "vertex"
-    values = _of_polygons(bake, mesh_file) if bake.at == "faces" else bake
+    values = _of_polygons(bake, mesh_file) if bake.at == "faces" and not cut else bake
     fitting = []
     for element in elements:
         annotated = _annotate(element, values, colour_channels, further) if element.name == named else element
@@ -63,6 +69,32 @@ def bare_ply(mesh: Mesh) -> bytes:
 def has_own_colors(attributes: SourceAttributes) -> bool:
     """Whether the source has vertex colours that are not the grey of an earlier bake."""
     return bool(own_colors(attributes.elements)) or (attributes.colors is not None and not attributes.elements)
+
+
+def cuts_polygons(mesh_file: MeshFile) -> bool:
+    """Whether polygons for MeshLab become triangles: it opens none that have lists of texture coordinates."""
+    held = mesh_file.held
+    if held.uv is None or (held.sizes == 3).all():
+        return False
+    if held.elements:
+        return "texcoord" in layout.columns_of(held.elements, "face", lists=True)
+    has_all = bool(np.isfinite(held.uv.values).all())
+    return has_all and held.uv.at_vertices(held.corners, len(mesh_file.mesh.vertices)) is None
+
+
+def _cut(element: Element, attributes: SourceAttributes) -> Element:
+    """The element of faces with its polygons as triangles: lists of one value or pair a corner, and single values."""
+    triangles, sizes = attributes.triangles, attributes.sizes
+    columns = []
+    for column in element.properties:
+        wide = len(column.values) // max(len(attributes.corners), 1)
+        if not column.counted:
+            columns.append(column._replace(values=np.repeat(column.values, triangles.counts)))
+        elif wide and np.array_equal(column.sizes, wide * sizes):
+            places = triangles.take(np.arange(len(attributes.corners))).ravel()
+            values = column.values.reshape(-1, wide)[places].ravel()
+            columns.append(column._replace(values=values, sizes=np.full(int(triangles.counts.sum()), 3 * wide)))
+    return Element(element.name, int(triangles.counts.sum()), tuple(columns))
 
 
 def _of_polygons(bake: Bake, mesh_file: MeshFile) -> Bake:

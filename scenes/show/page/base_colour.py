@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from obscurance.raytrace.errors import InputError, printable
+from obscurance.raytrace.errors import InputError, MeshError, printable
 from obscurance.raytrace.image.colour import decode_srgb, encode_srgb, rgb_codes
 from obscurance.raytrace.image.texture import Texture, Wrap, texture_alpha, texture_codes
 from obscurance.raytrace.image.write import image_bytes, linear_png, write_picture
@@ -144,6 +144,8 @@ def _collect_of_gltf(file: MeshFile, asset: Gltf, collected: _Collected) -> None
             uv, texture = used
             collected.uv[part.faces] = uv[corners]
             collected.image_of[part.faces] = collected.number(texture)
+    if textures.notes:
+        raise MeshError(asset.path, "colours", "the pictures of all materials", "; ".join(textures.notes))
 
 
 def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, collected: _Collected) -> None:

@@ -7,6 +7,7 @@ import pytest
 from command import obscurance, refused
 from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import ply
+from PIL import Image
 
 from obscurance import scenes
 from obscurance.scenes.formats.load import load
@@ -78,3 +79,26 @@ def test_a_gltf_keeps_its_faces_in_a_glb(tmp_path):
     (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
     refused(obscurance("bake", tmp_path / "m.glb", "-o", tmp_path / "w.glb", "--flip"), "bake --flip: expected another")
     assert obscurance("bake", tmp_path / "m.glb", "-o", tmp_path / "w.ply", "--flip", "--samples", 1).returncode == 0
+
+
+def test_a_gltf_is_turned_over_into_an_image(tmp_path):
+    """The inside of a cube whose faces look inwards is closed, its outside open; its normals are turned, too."""
+    square = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], "<f4")
+    builder = Builder()
+    sides = [square, square[::-1] * [1, 1, -1]]
+    sides += [np.roll(side, turn, axis=1) for side in sides for turn in (1, 2)]
+    vertices = np.concatenate(sides).astype("<f4")
+    faces = np.array([[0, 2, 1], [0, 3, 2]]) + 4 * np.arange(6)[:, None, None]
+    outward = np.repeat([side.mean(axis=0) for side in sides], 4, axis=0)
+    primitive = builder.primitive(vertices, faces, -outward)
+    places = np.array([[0.1, 0.1], [0.9, 0.1], [0.9, 0.9], [0.1, 0.9]])
+    uv = (np.stack(np.divmod(np.arange(6), 2), axis=-1)[:, None] + places) / [3, 2]
+    primitive["attributes"]["TEXCOORD_0"] = builder.accessor(uv.reshape(-1, 2).astype("<f4"), "VEC2")
+    builder.mesh(primitive)
+    (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
+    image = "bake", tmp_path / "m.glb", "-o", tmp_path / "w.png", "--size", 32, "--samples", 16, "--falloff", "binary"
+    for options, right in (((), 0), (("--flip",), 65535)):
+        done = obscurance(*image, *options)
+        assert done.returncode == 0, done.stderr
+        assert abs(np.asarray(Image.open(tmp_path / "w.png")).astype(int) - right).max() < 300
+    refused(obscurance(*image, "--flip", "--mesh-output", tmp_path / "o.glb"), "bake --flip: expected another")

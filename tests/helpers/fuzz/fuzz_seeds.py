@@ -11,6 +11,7 @@ import OpenImageIO as oiio
 import PIL.Image
 from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, mixed_ply, obj, off, ply, rich_ply, stl
+from vtp_files import COMPRESSORS, FORMS, Writer
 
 OBJ = b"""\
 mtllib square.mtl
@@ -280,6 +281,7 @@ def seeds():
         ],
         "tiff": [("m.tif", image("tiff", 20, 10, 3, "uint16")), ("m.tif", image("tiff", 40, 30, 4, "float", tiled=1))],
         "pictures": [*((f"m.{ending}", image(kind, 20, 10)) for kind, ending in KINDS.items()), ("m.gif", gif())],
+        "vtp": [("m.vtp", Writer(form, by).document()) for form in FORMS for by in COMPRESSORS],
         "array": [(f"w.{kind}", data) for kind, data in zip(("npy", "npz", "ply"), arrays(), strict=True)],
     }  # fmt: skip
 

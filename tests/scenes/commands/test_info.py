@@ -2,13 +2,15 @@
 
 import json
 
+import numpy as np
 import pytest
 from command import obscurance, refused
+from gltf_samples import picture, transformed
 from mesh_files import VERTICES, obj, ply
 from meshes import hills
 
 from obscurance.raytrace import Mesh
-from obscurance.scenes import MeshFile
+from obscurance.scenes import Box, MeshFile
 from obscurance.scenes.commands.info import describe, facts
 
 
@@ -46,6 +48,40 @@ def test_a_profile_is_described(tmp_path, ending, stored):
     assert rows["profile"].startswith("w at 10 half-distances, ")
     assert rows["profile"].endswith(f" (0.5 to 256 % of the radius), as {stored}")
     assert json.loads(obscurance("info", tmp_path / "hills.obj", "--json").stdout)["stored_profile"] is None
+
+
+@pytest.mark.parametrize(("left_out", "expected"), [(0, (18432, 0)), (1, (18432, 3))])
+def test_open_edges_of_an_stl_are_counted_as_the_bake_sees_them(tmp_path, left_out, expected):
+    mesh = Box().geometry().mesh
+    triangles = mesh.vertices[mesh.faces[left_out:]].astype("<f4")
+    rows = np.zeros(len(triangles), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    rows["corners"] = triangles
+    (tmp_path / "box.stl").write_bytes(bytes(80) + len(rows).to_bytes(4, "little") + rows.tobytes())
+    found = json.loads(obscurance("info", tmp_path / "box.stl", "--json").stdout)
+    assert found["vertices"] == 3 * len(rows)
+    assert (found["edges"], found["open_edges"]) == expected
+
+
+def test_what_surfaces_have_is_listed(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "two.glb").write_bytes(transformed())
+    found = json.loads(obscurance("info", "two.glb", "--json").stdout)
+    assert (found["texture_sets"], found["materials"], found["textures"]) == (2, ["material 0"], ["image/png"])
+    (tmp_path / "wall.mtl").write_text("newmtl brick\nmap_Kd brick.png\nnewmtl moss\n")
+    (tmp_path / "brick.png").write_bytes(picture())
+    (tmp_path / "wall.obj").write_text(
+        "mtllib wall.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\nvn 0 1 1\n"
+        "usemtl brick\nf 1/1/1 2/1/1 3/1/1\nusemtl moss\nf 1/1/2 3/1/2 4/1/2\n"
+    )
+    found = json.loads(obscurance("info", "wall.obj", "--json").stdout)
+    assert (found["texture_sets"], found["materials"], found["textures"]) == (1, ["brick", "moss"], ["brick.png"])
+    assert found["normals_at_corners"]
+    said = " ".join(obscurance("info", "wall.obj").stdout.split())
+    assert "normals in the file, several at some vertices texture sets 1 of texture coordinates" in said
+    assert "materials 2: brick, moss textures 1: brick.png" in said
+    assert obscurance("bake", "wall.obj", "-o", "w.glb", "--samples", 1).returncode == 0
+    baked = json.loads(obscurance("info", "w.glb", "--json").stdout)
+    assert (baked["texture_sets"], baked["materials"][1:], baked["textures"][0]) == (1, ["brick", "moss"], "brick.png")
 
 
 def test_standard_input_is_described(standard_input):

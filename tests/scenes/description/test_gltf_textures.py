@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gltf_scenes import UV, read, textured, triangle
 
-from obscurance.raytrace.errors import MeshError, SceneError
+from obscurance.raytrace.errors import MeshError
 
 
 def test_texture_coordinates_point_upwards(tmp_path):
@@ -78,12 +78,38 @@ def test_hostile_samplers(tmp_path, sampler, message):
         read(tmp_path, builder, [{"mesh": 0}], **fields, **({} if sampler is None else {"samplers": [sampler]}))
 
 
-def test_an_image_beside_the_file(tmp_path):
-    (tmp_path / "a b.png").write_bytes(b"picture")
+@pytest.mark.parametrize("name", ["a b.png", "a%20b.png"])
+def test_an_image_beside_the_file(tmp_path, name):
+    (tmp_path / name).write_bytes(b"picture")
     builder = triangle()
-    shape = read(tmp_path, builder, [{"mesh": 0}], **textured(builder, {"uri": "a%20b.png"})).scene.objects[0].shape
-    assert shape.texture.path == tmp_path / "a b.png"
+    description = read(tmp_path, builder, [{"mesh": 0}], **textured(builder, {"uri": "a%20b.png"}))
+    shape = description.scene.objects[0].shape
+    assert shape.texture.path == tmp_path / name
     assert shape.texture.data is None
+    assert description.files == (tmp_path / "scene.glb", tmp_path / name)
+
+
+@pytest.mark.parametrize("extension", ["KHR_texture_basisu", "EXT_texture_avif", "EXT_x"])
+def test_a_picture_in_a_format_that_is_not_read_is_left_out_in_a_line(tmp_path, extension):
+    builder = triangle()
+    fields = textured(builder, {"uri": "a.png"})
+    fields["textures"] = [{"extensions": {extension: {"source": 0}}}]
+    description = read(tmp_path, builder, [{"mesh": 0}], **fields)
+    assert description.scene.objects[0].shape.texture is None
+    line = f"textures[0]: expected a PNG, JPEG or WebP picture, got {extension}; the picture is left out"
+    assert any(note.endswith(line) for note in description.notes)
+
+
+def test_a_picture_as_webp_stands_in_where_there_is_no_png(tmp_path):
+    for name in ("a.webp", "a.png"):
+        (tmp_path / name).write_bytes(b"picture")
+    for source, name in (({}, "a.webp"), ({"source": 1}, "a.png")):
+        builder = triangle()
+        fields = textured(builder, {"uri": "a.webp"})
+        fields["images"] += [{"uri": "a.png"}]
+        fields["textures"] = [source | {"extensions": {"EXT_texture_webp": {"source": 0}}}]
+        shape = read(tmp_path, builder, [{"mesh": 0}], **fields).scene.objects[0].shape
+        assert shape.texture.path == tmp_path / name
 
 
 @pytest.mark.parametrize(
@@ -101,9 +127,11 @@ def test_images_out_of_reach(tmp_path, uri, message):
     folder = tmp_path / "inside"
     folder.mkdir()
     builder = triangle()
-    with pytest.raises(SceneError) as caught:
-        read(folder, builder, [{"mesh": 0}], **textured(builder, {"uri": uri}))
-    assert f"scene.glb: images[0].uri: {message}" in str(caught.value)
+    description = read(folder, builder, [{"mesh": 0}], **textured(builder, {"uri": uri}))
+    assert description.scene.objects[0].shape.texture is None
+    (line,) = (note for note in description.notes if "images" in note)
+    assert f"scene.glb: images[0].uri: {message}" in line
+    assert line.endswith("; the picture is left out")
 
 
 def test_a_texture_without_coordinates_is_left_out(tmp_path):

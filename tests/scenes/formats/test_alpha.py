@@ -1,8 +1,11 @@
 """Alpha of glTF and OBJ materials in mesh files, from the file to w."""
 
+import base64
+import io
 import re
 
 import numpy as np
+import PIL.Image
 import pytest
 from command import obscurance
 from gltf_files import check_glb, values
@@ -11,12 +14,19 @@ from leaf_cards import FLOOR, HEIGHT, SQUARE, UP, card_glb, card_obj, form_facto
 from obscurance import ao
 from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.raytrace import InputError
-from obscurance.scenes import load, write
+from obscurance.scenes import load, read_scene, write
+from obscurance.scenes.formats.primitive_groups import primitive_groups
+from obscurance.scenes.show.page.base_colour import base_colour
 
 MASK = {"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
 MOVED = {"texCoord": 0, "extensions": {"KHR_texture_transform": {"offset": [0.25, 0], "scale": [0.5, 1]}}}
 BLEND = {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.3]}}
-LEAF = leaf_codes()
+LEAF = leaf_codes()  # whose red is 200
+
+
+def glass(factor, texture=None, **fields):
+    """A material that transmits a share of the light."""
+    return fields | {"extensions": {"KHR_materials_transmission": {"transmissionFactor": factor} | (texture or {})}}
 
 
 def w_of_floor(path, **options):
@@ -41,6 +51,14 @@ FILES = {
     "mirrored": (lambda folder: glb(folder, MASK, LEAF[:, ::-1], scale=[-1, 1, 1]), 1.0, 0.0),
     "opaque": (lambda folder: glb(folder, textured("OPAQUE"), LEAF), 1.0, None),
     "colours": (lambda folder: glb(folder, {"alphaMode": "BLEND"}, colours=[[1, 1, 1, 0.2]] * 4), 0.2, None),
+    "transmitting": (lambda folder: glb(folder, glass(0.6)), 0.4, None),
+    "all of it transmitting": (lambda folder: glb(folder, glass(1)), 0.0, None),
+    "blended and transmitting": (lambda folder: glb(folder, glass(0.6, **BLEND)), 0.12, None),
+    "transmitting by the mean of a texture": (
+        lambda folder: glb(folder, glass(0.6, {"transmissionTexture": {"index": 0}}), LEAF),
+        1 - 0.6 * 200 / 255,
+        None,
+    ),
     "OBJ's d": (lambda folder: card_obj(folder, "d 0.3"), 0.3, None),
     "OBJ's Tr": (lambda folder: card_obj(folder, "Tr 0.7"), 0.3, None),
     "OBJ's map_d by alpha": (lambda folder: card_obj(folder, "map_d leaf.png", leaf_codes(0.6)), 0.6, 0.0),
@@ -83,7 +101,7 @@ def test_texture_indices_of_a_file_without_texture_coordinates_are_ignored_with_
     for command, output in (("bake", "w.npy"), ("bake", "w.glb"), ("render", "o.png")):
         done = obscurance(command, tmp_path / "cube.obj", "-o", tmp_path / output, "--samples", 4)
         assert done.returncode == 0
-        assert "indices of vt are ignored: the file has no line vt" in done.stderr
+        assert "3 of 3 indices of vt are ignored: the file has 0 lines vt" in done.stderr
 
 
 def test_an_opaque_file_has_no_alpha(tmp_path):
@@ -98,15 +116,86 @@ def test_an_opaque_file_has_no_alpha(tmp_path):
         (MASK | {"alphaCutoff": -0.5}, r"materials\[0\].alphaCutoff: expected .* got -0.5"),
         (MASK | {"alphaMode": "SOLID"}, r"materials\[0\].alphaMode"),
         ({"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, "1"]}}, "baseColorFactor"),
-        (MASK, "leaf.png"),
     ],
 )
 def test_alpha_that_cannot_be_read_is_reported_in_a_line(tmp_path, material, field):
-    path = glb(tmp_path, material, LEAF, image_fields={"images": [{"uri": "leaf.png"}]})
+    path = glb(tmp_path, material, LEAF)
     with pytest.raises(InputError, match=field) as refused:
         load(path)
     assert "\n" not in str(refused.value)
     assert load(path, alpha=False).mesh.opacity is None
+
+
+def test_what_of_transmission_is_not_read_is_said(tmp_path):
+    path = glb(tmp_path, glass(0.6, **MASK), LEAF)
+    (note,) = load(path).notes
+    assert note.endswith("materials[0]: KHR_materials_transmission of what is cut out is not read")
+    assert np.allclose(w_of_floor(path), 1 - form_factors(right=0.0), atol=0.01)
+    texture = {"transmissionTexture": {"index": 0}}
+    path = glb(tmp_path, glass(0.6, texture), LEAF, image_fields={"images": [{"uri": "none.png"}]})
+    (note,) = load(path).notes
+    assert note.endswith('images[0].uri: expected an existing file, got "none.png"; the picture is left out')
+    assert np.allclose(w_of_floor(path), 1 - 0.4 * form_factors(), atol=0.01)
+    assert load(glb(tmp_path, glass(0))).mesh.opacity is None
+
+
+def test_pictures_and_pages_see_through_what_transmits(tmp_path):
+    path = glb(tmp_path, glass(0.75))
+    (card,) = (item for item in read_scene(path).scene.objects if item.shape.mesh.opacity)
+    assert card.shape.mesh.opacity.surfaces[0].factor == 0.25
+    done = obscurance("render", path, "-o", tmp_path / "p.png", "--width", 8, "--height", 8, "--samples", 1)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (base_colour(load(path, "page.html")).alpha == 64).any()
+
+
+def test_a_missing_picture_leaves_the_alpha_of_the_factor(tmp_path):
+    material = textured("BLEND")
+    material["pbrMetallicRoughness"]["baseColorFactor"] = [1, 1, 1, 0.3]
+    path = glb(tmp_path, material, LEAF, image_fields={"images": [{"uri": "leaf.png"}]})
+    (note,) = load(path).notes
+    assert note.endswith('images[0].uri: expected an existing file, got "leaf.png"; the picture is left out')
+    assert np.allclose(w_of_floor(path), 1 - 0.3 * form_factors(), atol=0.01)
+    for command, output in (("bake", "w.npy"), ("render", "o.png"), ("bake", "w.html")):
+        done = obscurance(command, path, "-o", tmp_path / output, "--samples", 1)
+        assert done.returncode == 0
+        assert done.stderr.count(note) == 1
+
+
+def test_alpha_of_a_webp_is_read(tmp_path):
+    stored = io.BytesIO()
+    PIL.Image.fromarray(LEAF).save(stored, "WEBP", lossless=True)
+    uri = "data:image/webp;base64," + base64.b64encode(stored.getvalue()).decode()
+    fields = {"images": [{"uri": uri}], "textures": [{"extensions": {"EXT_texture_webp": {"source": 0}}}]}
+    path = glb(tmp_path, textured("MASK"), LEAF, image_fields=fields)
+    assert np.allclose(w_of_floor(path), 1 - form_factors(right=0.0), atol=0.01)
+    source = load(path, tmp_path / "w.glb")
+    assert [group.image for group in primitive_groups(source)] == [None, 0]
+    assert base_colour(load(path, "page.html")).images[0].startswith(b"\x89PNG")
+    orm = obscurance("bake", path, "-o", tmp_path / "w.glb", "--occlusion", "texture", "--orm", "--samples", 1)
+    assert "uv" in orm.stderr  # the floor has no coordinates
+    assert obscurance("info", path).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("extension", "content", "name"),
+    [
+        ("KHR_texture_basisu", b"\xabKTX 20\xbb\r\n\x1a\n", "KTX2"),
+        ("EXT_texture_avif", b"\0\0\0\x20ftypavif", "AVIF"),
+    ],
+)
+def test_alpha_of_a_format_that_is_not_read_is_refused_by_name(tmp_path, extension, content, name):
+    uri = "data:image/ktx2;base64," + base64.b64encode(content + bytes(80)).decode()
+    fields = {"images": [{"uri": uri}], "textures": [{"extensions": {extension: {"source": 0}}}]}
+    path = glb(tmp_path, textured("MASK"), LEAF, image_fields=fields)
+    assert "2 faces cut out" in obscurance("info", path).stdout
+    for command, output in (("bake", "w.npy"), ("render", "w.png")):
+        line = command, path, "-o", tmp_path / output, "--samples", 1
+        done = obscurance(*line)
+        assert done.returncode == 2
+        assert done.stderr.endswith(f"images[0]: content: expected an image, got {name}, which is not read\n")
+        done = obscurance(*line, "--alpha", "ignore")
+        assert done.returncode == 0
+        assert (f"got {extension}; the picture is left out" in done.stderr) == (command == "render")
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_every_flag_has_its_words():
 @pytest.mark.parametrize("flag", list(Flag))
 def test_every_flag_has_words_for_one_vertex_and_for_several(flag):
     name = flag.name.lower()
-    (one,), (two,) = (flags_in_words({name: count}, 9, {}).values() for count in (1, 2))
+    (one,), (two,) = (flags_in_words({name: count}, 9, {}, "vertices").values() for count in (1, 2))
     assert one.startswith("One vertex ")
     assert two.startswith("2 of 9 vertices ")
     assert " they " not in one

@@ -81,10 +81,11 @@ def test_a_picture_and_a_glb_of_collada_have_the_colours(dae, tmp_path):
     assert base_colour(load(dae, "page.html")).images
 
 
-def test_a_picture_may_have_a_name_in_a_url(dae):
-    (dae.parent / "skin.png").rename(dae.parent / "a skin.png")
+@pytest.mark.parametrize("name", ["a skin.png", "a%20skin.png"])
+def test_a_picture_may_have_a_name_in_a_url(dae, name):
+    (dae.parent / "skin.png").rename(dae.parent / name)
     dae.write_bytes(dae.read_bytes().replace(b"skin.png", b"./a%20skin.png"))
-    assert load(dae, "m.glb").attributes.materials[1].texture == dae.parent / "a skin.png"
+    assert load(dae, "m.glb").attributes.materials[1].texture == dae.parent / name
 
 
 def test_what_no_viewer_shows_is_left_out_in_a_line(dae, tmp_path):

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from mesh_files import FACES, VERTICES, mistake, read
 
+from obscurance.scenes.formats.load import load
+
 
 def obj_with(faces, extra="", vertices=VERTICES):
     rows = ["v {} {} {}".format(*vertex) for vertex in vertices]
@@ -70,9 +72,7 @@ def test_obj_normals_are_of_corners_where_vertices_have_several_or_corners_none(
         ("f 0 1 2", "got 0"),
         ("f -8 -2 -1", "got 0"),
         ("f -1 -2 -99", "got -91"),
-        ("f 1//1 2//1 3//5", "vn indices from 1 to 1, got 5"),
-        ("f 1 2", "three corners or more, got 2"),
-        ("f 1 2 4\nf", "face 2: expected three corners or more, got 0"),
+        ("f 1 2", "at least one triangle, got none, and 7 points"),
         ("f a b c", "unmatched data"),
         ("v 1 2\nf 1 2 3", "three coordinates"),
         ("v 1 2 oops\nf 1 2 3", "unmatched data"),
@@ -83,3 +83,37 @@ def test_obj_normals_are_of_corners_where_vertices_have_several_or_corners_none(
 )
 def test_obj_mistakes(tmp_path, text, expected):
     assert expected in mistake(tmp_path, "m.obj", obj_with(text, "vn 0 0 1"))
+
+
+def test_faces_of_two_corners_are_left_out_in_a_line_and_names_stay_with_their_faces(tmp_path):
+    text = "usemtl a\nf 1 2\nf 1 2 3\nf\nusemtl b\nf 7\nf 1 3 4\nf 2 3\nusemtl c\nf 5 6 7 4"
+    (tmp_path / "m.obj").write_bytes(obj_with(text))
+    file = load(tmp_path / "m.obj", "m.glb")
+    assert file.notes == (f"{tmp_path / 'm.obj'}: 4 faces of fewer than three corners are left out",)
+    kept = file.attributes
+    assert kept.sizes.tolist() == [3, 3, 4]
+    assert [kept.materials[number].name for number in kept.material_of] == ["a", "b", "c"]
+
+
+VT = ["vt 0 0", "vt 1", "vt .25 x", "vt nan 1", "vt", "vt .5 .75"]
+
+
+@pytest.mark.parametrize("wrong", [2, 3, 4, 5, 7, 0, -9])
+def test_corners_without_texture_coordinates_that_can_be_used_have_none(tmp_path, wrong):
+    """Lines that are wrong keep their numbers, so that others are not taken for them."""
+    (tmp_path / "m.obj").write_bytes(obj_with(f"f 1/1 2/6 3/6\nf 1/6 3/{wrong} 4/1", "\n".join(VT)))
+    file = load(tmp_path / "m.obj", "m.glb")
+    np.testing.assert_array_equal(file.uv, [[[0, 0], [0.5, 0.75], [0.5, 0.75]], np.full((3, 2), np.nan)])
+    words = "texture coordinates of 1 corners are ignored: their vt are not two finite numbers"
+    if wrong not in range(1, 7):
+        words = "1 of 6 indices of vt are ignored: the file has 6 lines vt"
+    assert file.notes == (f"{tmp_path / 'm.obj'}: {words}",)
+
+
+@pytest.mark.parametrize("wrong", ["2", "3", "9"])
+def test_corners_without_normals_that_can_be_used_have_those_of_faces(tmp_path, wrong):
+    normals = "vn 0 0 1\nvn 0 1\nvn 0 1 z"
+    (tmp_path / "m.obj").write_bytes(obj_with(f"f 1//1 2//1 3//{wrong}", normals))
+    file = load(tmp_path / "m.obj")
+    np.testing.assert_array_equal(file.mesh.normals[:3], [[0, 0, 1], [0, 0, 1], [np.nan] * 3])
+    assert "1 of 3 normals at corners are missing, zero, not finite" in file.notes[-1]

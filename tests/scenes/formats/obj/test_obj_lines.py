@@ -30,23 +30,23 @@ def numbers(lines, needed):
     )
 
 
-def from_zero(indices, count, keyword):
-    for index in indices:
-        if not 1 <= index <= count:
-            raise MeshError("m", "f", f"{keyword} indices from 1 to {count}", index)
-    return np.array(indices, np.int64) - 1
+def row_of(line, needed):
+    """The numbers that a corner refers to, zeros and False where they are not finite or not numbers."""
+    words = line[:needed]
+    if len(words) < needed or any(not NUMBER.fullmatch(word) or b"(" in word for word in words):
+        return [0.0] * needed, False
+    row = [float(word) for word in words]
+    return (row, True) if np.isfinite(row).all() else ([0.0] * needed, False)
 
 
-def per_corner(words, needed, indices, keyword):
-    """Both may be missing at some corners, which have those of a row of NaN."""
-    some = [index for index in indices if index != NONE]
-    if not words or not some:
+def per_corner(lines, needed, indices):
+    """Both may be missing or wrong at some corners, which have those of a row of NaN."""
+    if not any(1 <= index <= len(lines) for index in indices):
         return None
-    rows = numbers(words, needed)[:, :needed]
-    found = iter(from_zero(some, len(rows), keyword))
-    of = np.array([len(rows) if index == NONE else next(found) for index in indices])
-    lacking = np.full((int(len(some) < len(indices)), needed), np.nan)
-    return np.concatenate([rows, lacking]), of
+    rows = [row_of(line, needed) for line in lines]
+    of = [index - 1 if 1 <= index <= len(lines) and rows[index - 1][1] else len(lines) for index in indices]
+    values = [row for row, _ in rows] + [[np.nan] * needed] * (len(lines) in of)
+    return np.array(values), np.array(of)
 
 
 def plain(data):
@@ -63,31 +63,30 @@ def plain(data):
         elif keyword != b"f":
             lines[keyword].append(words)
         else:
-            sizes.append(len(words))
-            materials.append(material)
+            if len(words) >= 3:
+                sizes.append(len(words))
+                materials.append(material)
             for word in words:
                 parts = word.split(b"/")
                 unmatched |= any(part and not INDEX.fullmatch(part) for part in parts)
                 if not unmatched:
                     large = [max(min(int(part), 2**63 - 1), 1 - 2**63) if part else NONE for part in parts]
                     seen = [len(each) for each in lines.values()]
-                    corners.append(
-                        [i + n + 1 if i < 0 else i for i, n in zip((large + [NONE] * 2)[:3], seen, strict=True)]
-                    )
+                    absolute = [i + n + 1 if i < 0 else i for i, n in zip((large + [NONE] * 2)[:3], seen, strict=True)]
+                    corners += [absolute] * (len(words) >= 3)
     vertices = numbers(lines[b"v"], 3)
     if short := sum(len(words) < 3 for words in lines[b"v"]):
         raise MeshError("m", "v", "three coordinates on every line", f"fewer on {short} of them")
-    if sizes and min(sizes) < 3:
-        first = next(number for number, size in enumerate(sizes, 1) if size < 3)
-        raise MeshError("m", f"face {first}", "three corners or more", min(sizes))
     if unmatched:
         raise ValueError("unmatched data")
     v, vt, vn = np.array(corners, object).reshape(-1, 3).T.tolist()
-    own = from_zero(v, len(vertices), "v")
+    if outside := [index for index in v if not 1 <= index <= len(vertices)]:
+        raise MeshError("m", "f", f"v indices from 1 to {len(vertices)}", outside[0])
+    own = np.array(v, np.int64) - 1
     colors = vertices[:, 3:] if vertices.shape[1] == 6 else None
     return (
         vertices[:, :3], colors, np.array(sizes, np.int64), own,
-        *([per_corner(lines[b"vn"], 3, vn, "vn"), per_corner(lines[b"vt"], 2, vt, "vt")]), materials,
+        per_corner(lines[b"vn"], 3, vn), per_corner(lines[b"vt"], 2, vt), materials,
     )  # fmt: skip
 
 
@@ -95,7 +94,7 @@ def present(data):
     file = ObjText(data, "m")
     painted = file.named("usemtl")
     materials = [None if of < 0 else painted.names[of] for of in painted.of]
-    return file.vertices, file.colors, file.sizes, file.corners, file.normals(), file.uv(), materials
+    return file.vertices, file.colors, file.sizes, file.corners, file.normals(), file.uv, materials
 
 
 def outcome(read, data):
