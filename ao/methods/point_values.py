@@ -111,6 +111,8 @@ def bake_points(
     result = assemble(prepared, solid, BakedElements(row, flags, baked.normals, len(places)), values)
     seconds = {"build": prepared.receivers.tree_seconds, "bake": time.perf_counter() - start}
     lines = shortfalls(checked, max(result.rmses), values.samples, "point", solid, prepared.placement.vertices)
+    if lines and (in_doubt := np.count_nonzero(doubts > result.rmse)):
+        lines += (f"discs may be above {in_doubt:,} of {len(places):,} points, or beside: noise, or holes of a sheet",)
     return replace(result, at="points", seconds=seconds, shortfalls=lines)
 
 
@@ -186,8 +188,8 @@ class _Cloud(NamedTuple):
             cloud.of_sheet[some] = alike & ~is_off
             around = (alike & ~is_off) | (np.abs(facing) <= _TURNED)
             sixth = around & (np.cumsum(around, axis=1) == _NEIGHBOURS)
-            radius[some] = np.where(sixth, distances[some, 1:], 0.0).max(axis=1, initial=0.0)
-            radius[some] += np.where(sixth.any(axis=1), 0.0, distances[some, -1])
+            reached = np.where(sixth, distances[some, 1:], 0.0).max(axis=1, initial=0.0)
+            radius[some] = np.where(sixth.any(axis=1), reached, radius[some])
 
         run_blocks(len(points), _BLOCK, tell, threads)
         return cloud

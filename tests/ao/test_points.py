@@ -6,6 +6,7 @@ from meshes import hills
 
 from obscurance import ao
 from obscurance.ao import closed_forms
+from obscurance.ao.methods.point_values import discs
 from obscurance.raytrace import Mesh, MeshError, OptionError
 
 WALL = [[0, -60, 0], [0, 60, 0], [0, 60, 60], [0, -60, 60]], [[0, 1, 2], [0, 2, 3]]
@@ -157,6 +158,26 @@ def test_rough_clouds_say_by_how_much_they_may_be_closed(noise, is_grid):
     points = np.column_stack([scattered(random, 50, is_grid), noise / 50 * random.normal(size=2500)])
     baked = ao.bake_points(None, points, np.tile([0, 0, 1.0], (2500, 1)), falloff="binary", samples=64)
     told, true = told_and_true(baked, 1.0, slice(None))
+    asked = ao.bake_points(None, points, np.tile([0, 0, 1.0], (2500, 1)), falloff="binary", tolerance=0.5)
+    assert not asked.shortfalls
     assert baked.w.mean() > (0.995 if noise < 0.15 else 0.75)
     assert true < 2 * told + 0.03
     assert told < 0.3
+
+
+def test_a_cloud_in_doubt_misses_its_tolerance_and_says_why():
+    random = np.random.default_rng(5)
+    points = np.append(random.uniform(0, 1, (2500, 2)), 0.006 * random.normal(size=(2500, 1)), axis=1)
+    with pytest.warns(ao.ToleranceWarning):
+        baked = ao.bake_points(None, points, np.tile([0, 0, 1.0], (2500, 1)), falloff="binary", tolerance=0.01)
+    assert "tolerance 0.01 is not met" in baked.shortfalls[0]
+    assert "of 2,500 points, or beside: noise, or holes of a sheet" in baked.shortfalls[1]
+
+
+def test_the_disc_of_a_point_with_another_normal_than_all_around_is_no_larger():
+    places = scattered(np.random.default_rng(6), 40, True)
+    points, normals = np.append(places, np.zeros((1600, 1)), axis=1), np.tile([0, 0, 1.0], (1600, 1))
+    normals[820] *= -1
+    corners = discs(points, normals).mesh.vertices.reshape(1600, 6, 3)
+    radius = np.linalg.norm(corners[:, 0] - points, axis=1)
+    assert radius[820] == pytest.approx(radius[700], rel=0.01)
