@@ -221,7 +221,7 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
         fronts = _fronts(offset, None if opacity is None else opacity.of[number] >= 0)[usable]
         points.fronts = fronts if fronts.any() else points.fronts
     surface_normals = points.normals
-    if normals == "file":
+    if normals == "file" and own_axes is not None:
         surface_normals = offset.welded.axes[usable].astype(np.float32)
     elif normals == "up":
         surface_normals = np.zeros_like(points.normals)

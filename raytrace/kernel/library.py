@@ -132,6 +132,6 @@ def pointers() -> dict[str, int]:
 def what_is_missing(kernel: str) -> str:
     """The message where the library has no code of a kernel, a signature's line, and nothing compiles it."""
     if _library():
-        advice = "Numba compiles what is not in it: `python -m pip install 'obscurance[develop]'`"
+        advice = "Numba compiles what is not in it: `python -m pip install numba`"
         return f"{kernel}: expected a kernel of the library that was built with the package; {advice}"
     return f"kernels: expected those for this processor ({machine()}), got none; {_HOW_TO_BUILD}"

@@ -228,7 +228,7 @@ def _cloud(instances: list[Instance], path: Path) -> tuple[list[Instance], tuple
         raise MeshError(path, "points", expected, got)
     places = np.asarray(whole.vertices, np.float64)
     normals = np.asarray(whole.normals, np.float64)
-    mesh = discs(places, normals, str(path))[0]
+    mesh = discs(places, normals, str(path)).mesh
     return [whole._replace(vertices=mesh.vertices, faces=mesh.faces, normals=None)], (places, normals)
 
 
@@ -300,9 +300,10 @@ def parser_errors(path: Path, error: type[InputError] = MeshError, content: str 
     except MemoryError:
         raise error(path, "content", "sizes that fit into memory", "larger ones") from None
     except ModuleNotFoundError as missing:
-        extra = "terrain" if missing.name == "rasterio" else "formats"
-        expected = f"{missing.name}, to read it: `python -m pip install 'obscurance[{extra}]'`"
-        raise error(path, "format", expected, f"no {missing.name}") from None
+        name = str(missing.name)
+        packages = name if name in ("rasterio", "DracoPy") else "lxml pycollada"
+        expected = f"{name}, to read it: `python -m pip install {packages}`"
+        raise error(path, "format", expected, f"no {name}") from None
     except Exception as reason:
         begin = {ValueError: "", KeyError: "no "}.get(type(reason), f"{type(reason).__name__}: ")
         message = " ".join(f"{begin}{reason}".split())[:160]

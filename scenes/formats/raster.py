@@ -47,9 +47,9 @@ def read_raster(mesh_input: MeshInput) -> list[Instance]:
 
     Raises: MeshError: no cell has data, cells are in degrees, or there are several bands. Others as `opened`.
     """
-    from rasterio.enums import MaskFlags
-
     with opened(mesh_input.file, mesh_input.source) as raster:
+        from rasterio.enums import MaskFlags
+
         if raster.count > 1 and MaskFlags.alpha not in raster.mask_flag_enums[0]:
             expected = "one, of heights: gdal_translate -b 1 takes the first"
             raise MeshError(mesh_input.source, "bands", expected, raster.count)

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import tomllib
 
 import click
 import pytest
@@ -53,3 +54,26 @@ def test_commands_are_found_and_wrong_ones_noticed():
     with pytest.raises(Exception, match="expected one of none, ramp, texture, got auto"):
         parse(["bake", "a.ply", "-o", "b.ply", "--occlusion", "auto"])
     assert len(CALLS) > 80
+
+
+def test_what_is_to_be_installed_is_on_an_index_and_every_extra_stands_in_the_table():
+    """The package itself is none of it."""
+    pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert pages.count("python -m pip install") > 8
+    code = "".join(
+        path.read_text("utf-8") for part in ("ao", "raytrace", "scenes") for path in (ROOT / part).rglob("*.py")
+    )
+    assert "pip install 'obscurance" not in pages + code
+    assert not re.findall("(?<!python -m )pip install", pages)
+    table = (ROOT / "docs" / "installation.md").read_text(encoding="utf-8").split("## Extras")[1].split("\n## ")[0]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    for name in ("formats", "terrain", "cluster", "unwrap"):
+        assert f"'.[{name}]'" in table
+        for package in extras[name]:
+            assert re.match("[A-Za-z]+", package)[0] in table
+
+
+def test_pages_after_the_readme_call_the_command_in_one_way():
+    for page in PAGES[1:]:
+        calls_by_path = re.findall(r"\.venv/bin/obscurance|python -m obscurance", page.read_text(encoding="utf-8"))
+        assert not calls_by_path or page.name == "installation.md", page.name

@@ -128,16 +128,16 @@ except ValueError as error:
 
 
 @pytest.mark.parametrize(
-    ("name", "library", "extra"),
-    [("m.dae", "collada", "formats"), ("m.3mf", "lxml", "formats"), ("m.asc", "rasterio", "terrain")],
+    ("name", "library", "packages"),
+    [("m.dae", "collada", "lxml pycollada"), ("m.3mf", "lxml", "lxml pycollada"), ("m.asc", "rasterio", "rasterio")],
 )
-def test_without_its_library_a_format_is_refused_with_the_extra_that_brings_it(
-    tmp_path, monkeypatch, name, library, extra
+def test_without_its_library_a_format_is_refused_with_the_packages_that_bring_it(
+    tmp_path, monkeypatch, name, library, packages
 ):
     monkeypatch.setitem(sys.modules, library, None)
     (tmp_path / name).write_bytes(DAE if library == "collada" else archive(**{"3D/3dmodel.model": b"<model/>"}))
     done = obscurance("info", tmp_path / name)
-    expected = f"{library}, to read it: `python -m pip install 'obscurance[{extra}]'`, got no {library}"
+    expected = f"{library}, to read it: `python -m pip install {packages}`, got no {library}"
     assert (done.returncode, done.stderr) == (2, f"obscurance: {tmp_path}/{name}: format: expected {expected}\n")
 
 

@@ -93,7 +93,7 @@ def test_commands_take_it_and_write_plain_values(files):
 
 def test_without_the_library_a_line_says_what_to_install(files, monkeypatch):
     monkeypatch.setitem(sys.modules, "DracoPy", None)
-    refused(obscurance("info", files / "draco.glb"), "draco.glb: format: expected DracoPy", "obscurance[formats]")
+    refused(obscurance("info", files / "draco.glb"), "draco.glb: format: expected DracoPy", "pip install DracoPy")
     assert obscurance("info", files / "plain.glb").returncode == 0
 
 
