@@ -123,8 +123,8 @@ def bake(
             front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface method.
         profile: Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the
             half-distance can be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs
-            little. In Python the result's `profile`, by the same rays, with the `max_distance` of the first falloff unless
-            this is a table. Not by the surface method.
+            little. In Python the result's `profile`, by the same rays, with the `max_distance` of the first falloff,
+            unless this is a table. Not by the surface method.
         cage: With `high`: how far it may be from the input, mesh units or "2%" of the radius (the default); or a mesh
             file, the input with its vertices moved outwards. A mesh has as many vertices and faces as `mesh`, in its
             order: rays start at the point of the cage that belongs to a point of `mesh`, go through it and as far
