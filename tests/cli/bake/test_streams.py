@@ -74,7 +74,7 @@ def test_a_format_that_is_given_is_taken_at_its_word(tmp_path, standard_input):
         (b"", "content: expected a mesh, got nothing"),
         (
             b"junk",
-            "standard input: format: expected one of 3MF, COLLADA, GLB, glTF, OBJ, OFF, PLY, STL, VTK, or --input-format",
+            "standard input: format: expected one of 3MF, COLLADA, GLB, glTF, OBJ, OFF, PLY, STL, VTK, or",
         ),
         (b"v 0 0 0\n", "<stdin>.obj: faces: expected at least one triangle"),
     ],
