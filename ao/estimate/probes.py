@@ -181,8 +181,8 @@ class Probes:
 
     @property
     def margin(self) -> float:
-        """By how much less than the squared tolerance is to be measured, relative to what is: a bake may end because
-        too little is measured by chance, the more so the fewer probes there are."""
+        """The safety margin of the squared tolerance, relative: few probes may measure too small an error by chance,
+        and the bake would end too early."""
         return _MARGIN / len(self.rows)
 
     def spread_over_traced(self, sites: Sites) -> Int64s:

@@ -201,7 +201,8 @@ def _lean(
     at: _Fields,
     leaning: Float32s,
 ) -> None:
-    """Fill in how far normals lean to what is closed around, `variance`, `spread` and `weight`."""
+    """Fill in the cosine between each normal and the closed directions around, `leaning`; `variance`, `spread` and
+    `weight` of the prediction."""
     slope, at_zero = line
     leaning[i] = dot(load(widest, i), load(normals, i))
     at.spread[i] = wider[i, _SPREAD]
@@ -212,7 +213,7 @@ def _lean(
 
 @each("leaning")
 def _compare_leaning(i: int, leaning: Float32s, mean: Float32s, at: _Fields) -> None:
-    """Compare how far points lean to what is closed around with the mean of their neighbours."""
+    """Write how far each point's `leaning` is from the mean of its neighbours'."""
     at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else leaning[i] - mean[i]
 
 

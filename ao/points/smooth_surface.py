@@ -113,8 +113,8 @@ def point_on(surface, vertex_axes, f, barycentric):
     """A point of face `f`: its position, the face's normal on its front, the axis of its hemisphere, and the cosine of
     the angle by which this leans away from the surface.
 
-    Where normals are computed, axes are the smooth surface's own: they lean away from nothing, and the face has its
-    front on their side, or is an axis where they are none or far from it.
+    Computed normals are the smooth surface's own: the cosine is 1, and the face's front is the side that they are on.
+    Where they are zero, or nearly within the face, the face's normal is the axis.
     """
     p = _interpolated(surface.vertices, surface.faces, f, barycentric)
     axis = _interpolated(vertex_axes.axes, surface.faces, f, barycentric)

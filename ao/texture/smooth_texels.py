@@ -1,7 +1,7 @@
-"""Cells of texels that the point at one centre can stand for, as it does for linear functions.
+"""Texels for which one sample at the centre is enough, and blocks of texels of which one is enough.
 
-Where the surface is smooth and nothing rises from it nearby, w is nearly linear: one sample there is enough for a
-texel, and one texel for a block of them, between which w is predicted.
+Where the surface is smooth and nothing rises from it nearby, w is nearly linear, and the mean of a linear function
+over a block is its value at the centre. Between the centres of blocks w is predicted.
 """
 
 import numpy as np
@@ -26,8 +26,8 @@ _ROWS = 8  # of the page, a multiple of blocks' sizes
 def smooth_cells(
     coverage: Coverage, smooth: SmoothSurface, tree: BVH16, most: float, tangent: float, largest: int, threads: int
 ) -> tuple[Bools, Int64s]:
-    """Whether the point at the centre can stand for all of a texel, (k,), and the row (k,) of the texel that
-    stands for it: the centre of its block, or itself.
+    """Whether one sample at its centre is enough for each texel, (k,), and the row (k,) of the texel at the centre of
+    its block, or its own.
 
     The surface is smooth there, normals differ by less than `most`, nothing rises from it nearby and nothing lies over
     it. In a cone of rays normals differ by less than `most` times its tangent.

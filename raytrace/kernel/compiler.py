@@ -97,8 +97,10 @@ def intrinsic(signature: Callable[..., Any], emit: Callable[..., Any]) -> Any:
 
 @contextmanager
 def _compiling() -> Iterator[None]:
-    """What Numba compiles meanwhile, on this thread alone, becomes no machine code but what is asked for; nor is its
-    garbage collected, of which there is little: looking for it takes a sixth of the time."""
+    """Within this block Numba makes no machine code but that of the kernel asked for, on this thread alone.
+
+    The garbage collector is off, which would take a sixth of the time and find little.
+    """
     nowhere = ctypes.c_void_p()  # Numba writes there what wrappers would need
 
     class Idle:

@@ -100,8 +100,10 @@ def _stl(vertices: Float64s, faces: Int64s, output: Path) -> bytes:
 
 
 def _visible_glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
-    """The document without instances of which nothing is seen and faces that no instance shows; and how many faces
-    it draws."""
+    """The document without unseen faces, and how many faces it draws.
+
+    An instance goes if all of its faces are unseen; a face that instances share, if it is unseen in all of them.
+    """
     from ..formats.gltf.accessors import triangles
     from ..formats.gltf.textured import draw, take_vertices
     from ..formats.gltf.write import one_buffer
