@@ -45,7 +45,6 @@ COMMANDS = {
 }
 """By what each tries; w.glb is there if the bake succeeded."""
 LONGEST = 300  # seconds
-PRELUDE = "import sys\nfrom obscurance import cli\nsys.argv[0] = 'obscurance'\nsys.exit(cli.main())"
 
 
 def drawn(folder: Path, count: int, seed: int, largest: int) -> list[Path]:
@@ -70,7 +69,7 @@ def tried(path: Path) -> dict[str, str]:
             words = [word.format(file=path) for word in line.split()] + [
                 *(FEW if "bake" in line or "render" in line else ())
             ]
-            command = [sys.executable, "-X", "dev", "-W", "ignore", "-c", PRELUDE, *words]
+            command = [sys.executable, "-m", "obscurance", *words]
             try:
                 done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=LONGEST, check=False)
             except subprocess.TimeoutExpired:

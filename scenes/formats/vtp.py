@@ -192,7 +192,8 @@ def _instance(document: _Document, piece: ElementTree.Element, mesh_input: MeshI
     )
     if any(column is not None and len(column) != len(points) for column in (normals, w, uv)):
         raise ValueError("columns of points that are not one row a point")
-    instance = Instance(name, points, triangles.take(corners), normals, notes=triangles.notes, w=w if w is None or w.ndim == 1 else None)
+    w = None if w is None or w.ndim > 1 else w  # other columns may have that name
+    instance = Instance(name, points, triangles.take(corners), normals, notes=triangles.notes, w=w)
     if mesh_input.keep:
         kept = None if uv is None else PerCorner(uv[:, :2].astype(np.float64), corners)
         attributes = SourceAttributes(corners, sizes, triangles, uv=kept)
