@@ -84,10 +84,10 @@ def bake(**options: Any) -> int:
 
 
 @command(
-    Option("result", Path, ..., "A baked file: .ply .glb .gltf .npz .npy; or any mesh.", is_argument=True),
+    Option("result", Path, ..., "A baked file: .ply .glb .gltf .npz .npy .tif; or any mesh.", is_argument=True),
     Option("other", Path | None, None, "Another bake of the same mesh, with a slider between.", is_argument=True),
     Option("output", Path | None, None, "The page, .html; by default beside RESULT, with its name.", short="-o"),
-    Option("mesh", Path | None, None, "The mesh file that a .npz or .npy belongs to."),
+    Option("mesh", Path | None, None, "The mesh file that a .npz, .npy or .tif belongs to."),
     Option("up", Up | None, None, "Up axis at first, by default what it says, or y."),
     Option("open", bool, False, "Open it in the browser."),
     _QUIET,

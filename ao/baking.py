@@ -105,9 +105,9 @@ def bake(
             radius of `mesh` alone. Not with `high`.
         tolerance: Target RMS error of w, 0.005 by default; ray counts are chosen to meet it. 1e-5 to 1; over the
             vertices or the covered texels, by the surface method of the fitted values. None where `samples` alone is
-            given, and without `denoise`, where each point gets 256 rays.
+            given, and without `denoise` where neither is, by 256 rays of each point.
         denoise: Shrink estimates towards those of neighbours. They are leave-one-out predictions, of texels across
-            seams, too. Not by the surface method.
+            seams, too. The surface method fits instead.
         interior: Vertices inside closed solids: ignore, flag (mark), or fill from visible neighbours; auto fills those
             inside parts of the mesh that are closed. "auto": vertices inside a closed part that is not their own are
             flagged and get the values of the nearest that are not; texels are filled as if they were not covered.
@@ -123,8 +123,8 @@ def bake(
             front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface method.
         profile: Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the
             half-distance can be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs
-            little. In Python the result's `profile`, by the same rays; without `max_distance`, and not by the surface
-            method.
+            little. In Python the result's `profile`, by the same rays, with the limit `max_distance` of the first falloff,
+            unless this is a table. Not by the surface method.
         cage: With `high`: how far it may be from the input, mesh units or "2%" of the radius (the default); or a mesh
             file, the input with its vertices moved outwards. A mesh has as many vertices and faces as `mesh`, in its
             order: rays start at the point of the cage that belongs to a point of `mesh`, go through it and as far

@@ -1,5 +1,6 @@
 """The error of interpolation between vertices, measured by rays at points on the faces."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -21,9 +22,10 @@ from .rays.below_face import leave_out_below
 from .rays.gather import W
 from .result import NOWHERE, Interpolation
 
-_FEWEST, _MOST = 256, 1024  # points
-_SHARE = 20  # vertices for each point between, so that these take few of a bake's rays
+_POINTS = 1024
 _RAYS = 16  # of each of two estimates
+_RIDGE = 1e-6  # of a point's weight, which vertices without one near are drawn to 0 by
+_FITTED = 4  # points for each vertex, at least, from which one can tell how well any values would do
 
 
 def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> Interpolation:
@@ -41,8 +43,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
         return NOWHERE
 
     # Points on faces, whose hemispheres lie between those of the faces' vertices.
-    count = min(max(len(receivers.points) // _SHARE, _FEWEST), _MOST)
-    face, weights = _spread(areas, count, derive(prepared.key, 7))
+    face, weights = _spread(areas, derive(prepared.key, 7))
     corners = receivers.faces[face]
     corner_points = receivers.of_vertex[corners]
     axes = VertexAxes(
@@ -60,7 +61,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     if not outside.any():
         return NOWHERE
     geometric_normals = with_alpha(located, receivers.opacity, face, weights)[outside]
-    estimates = _estimate_twice(prepared, points[outside], geometric_normals, 2 * count)
+    estimates = _estimate_twice(prepared, points[outside], geometric_normals)
     weights64 = weights[outside].astype(np.float64)
     corners = corners[outside]
     values = np.einsum("ki,ki->k", weights64, w[corners])
@@ -70,11 +71,29 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     face = face[outside]
     if len(receivers.faces) < len(prepared.mesh.faces):
         face = np.flatnonzero(face_normals(placement.vertices.astype(np.float64), prepared.mesh.faces)[1] > 0)[face]
-    return Interpolation.of(face, weights64, estimates, values, variance)
+    between = Interpolation.of(face, weights64, estimates, values, variance)
+    return between._replace(best=_least_error(corners, weights64, estimates)) if between.visible else between
 
 
-def _estimate_twice(prepared: Prepared, points: Points, geometric_normals: Float32s, total: int) -> Float64s:
-    """Two estimates of w (k, 2) at points, whose hemispheres end at faces of these normals, as of `total` points."""
+def _least_error(corners: Int64s, weights: Float64s, estimates: Float64s) -> float:
+    """The RMS error of the values at vertices that fit `estimates` (k, 2) best; 0 where these are too few to tell.
+
+    Values that fit one estimate and those that fit the other err independently of the estimate that each is held to.
+    Args: corners, weights: (k, 3), vertices of each point's face, and barycentric coordinates.
+    """
+    used, column = np.unique(corners, return_inverse=True)
+    if _FITTED * len(used) > len(corners):
+        return 0.0
+    matrix = np.zeros((len(corners), len(used)))
+    np.put_along_axis(matrix, column.reshape(corners.shape), weights, axis=1)
+    normal = matrix.T @ matrix + _RIDGE * np.eye(len(used))
+    off = matrix @ np.linalg.solve(normal, matrix.T @ estimates) - estimates[:, ::-1]
+    return math.sqrt(max(float(off.prod(axis=1).mean()), 0.0))
+
+
+def _estimate_twice(prepared: Prepared, points: Points, geometric_normals: Float32s) -> Float64s:
+    """Two estimates of w (k, 2) at points, whose hemispheres end at faces of these normals."""
+    total = 2 * _POINTS
     mu = prepared.mu.in_render_space(prepared.placement.scale)
     t_max = min(mu.limit, prepared.placement.diagonal)
     tracer = Tracer(prepared.scene, mu, t_max, prepared.threads, total)
@@ -87,11 +106,11 @@ def _estimate_twice(prepared: Prepared, points: Points, geometric_normals: Float
     return np.asarray(gathered[:, W].reshape(2, -1).T)
 
 
-def _spread(areas: Float64s, count: int, key: np.uint32) -> tuple[Int64s, Float32s]:
+def _spread(areas: Float64s, key: np.uint32) -> tuple[Int64s, Float32s]:
     """Points one from each of equal shares of the faces' area: which face (k,), and barycentric coordinates (k, 3)."""
     total = np.cumsum(areas)
-    share, u, v = np.ldexp(hash32_array(hash32_array(np.arange(3 * count)) ^ key), -32).reshape(3, -1)
-    face = np.searchsorted(total, (np.arange(count) + share) / count * total[-1], "right").clip(0, len(areas) - 1)
+    share, u, v = np.ldexp(hash32_array(hash32_array(np.arange(3 * _POINTS)) ^ key), -32).reshape(3, -1)
+    face = np.searchsorted(total, (np.arange(_POINTS) + share) / _POINTS * total[-1], "right").clip(0, len(areas) - 1)
     root = np.sqrt(u)
     return face, np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
 

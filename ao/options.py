@@ -30,7 +30,7 @@ Normals = Literal["angle", "area", "equal", "file", "up"]
 Interior = Literal["auto", "ignore", "mark", "fill"]
 BackFaces = Literal["occlude", "ignore"]
 At = Literal["vertices", "faces"]
-_NOT_AT_FACES = "high", "cluster", "occluded_by", "colors", "report", "debug_image"
+_NOT_AT_FACES = "high", "colors", "debug_image"
 Overlap = Literal["mean", "first", "refuse"]
 BentSpace = Literal["world", "tangent", "tangent-directx"]
 
@@ -78,7 +78,7 @@ class Options:
     def __post_init__(self) -> None:
         from obscurance.raytrace.errors import ConflictError
 
-        from .falloff import Tabulated, falloffs_of, is_length, resolve_length
+        from .falloff import falloffs_of, is_length, resolve_length
 
         object.__setattr__(self, "falloff", falloffs_of(self.falloff))
         check_values(self)
@@ -86,13 +86,8 @@ class Options:
             object.__setattr__(self, "tolerance", DEFAULT_TOLERANCE)
         if is_length(self.cage):
             resolve_length("cage", self.cage, 1.0)
-        main = self.falloffs[0]
-        if self.profile and not isinstance(main, Tabulated) and str(main.max_distance) != "inf":
-            raise ConflictError("profile", "excludes", "max_distance")
         if self.thickness and self.interior in ("mark", "fill"):
             raise ConflictError("thickness", "does not go with", ("interior", self.interior))
-        if self.tolerance is not None and not self.denoise:
-            raise ConflictError(("denoise", False), "does not go with", "tolerance")
 
     @property
     def method(self) -> Method:
@@ -120,11 +115,20 @@ class Options:
         return len(self.falloffs) + len(OCTAVES) * self.profile
 
     def mus(self, radius: float) -> "tuple[Mu, ...]":
-        """The falloffs, then those of the profile, for a mesh of bounding-sphere radius `radius`."""
-        from .falloff import Exponential
+        """`every_falloff` for a mesh of bounding-sphere radius `radius`."""
+        return tuple(falloff.resolve(radius) for falloff in self.every_falloff)
 
-        octaves = [Exponential(half_distance=f"{100 * share:g}%") for share in OCTAVES] if self.profile else []
-        return tuple(falloff.resolve(radius) for falloff in (*self.falloffs, *octaves))
+    @property
+    def every_falloff(self) -> "tuple[Falloff, ...]":
+        """The falloffs, then those of the profile, which end where the first does, unless it is a table."""
+        from .falloff import Exponential, Tabulated
+
+        if not self.profile:
+            return self.falloffs
+        main = self.falloffs[0]
+        limit = math.inf if isinstance(main, Tabulated) else main.max_distance
+        octaves = [Exponential(half_distance=f"{100 * share:g}%", max_distance=limit) for share in OCTAVES]
+        return (*self.falloffs, *octaves)
 
     @property
     def identity(self) -> tuple[object, ...]:
@@ -183,7 +187,7 @@ class VertexOptions(Options):
             return
         if self.at == "faces":
             raise ConflictError(("at", "faces"), "does not go with", ("method", "surface"))
-        for name in ("denoise", "interior", "back_faces"):
+        for name in ("interior", "back_faces"):
             if getattr(self, name) != getattr(Options, name):
                 raise ConflictError((name, getattr(self, name)), "does not go with", ("method", "surface"))
         if self.profile or len(self.falloffs) > 1:

@@ -1,14 +1,15 @@
 """w at several half-distances of the exponential falloff, and by interpolation at every one between them.
 
-w(τ) = 1 − E[e^(−τd)], d the distance to what is hit, ∞ for a miss (12.74). Weights of columns that suit every single
-distance d suit every mixture of them, so every mesh: with ten columns an octave apart no w errs by more than .0036.
+w(τ) = 1 − E[e^(−τd)], d the distance to what is hit, ∞ for a miss (12.74); with a limit D all beyond it is a miss.
+Weights of columns that suit every single distance d suit every mixture of them, so every mesh: with ten columns an
+octave apart no w errs by more than .0036.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,12 +26,13 @@ _RCOND = 1e-5  # columns much less than an octave apart are combined, which keep
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """w(p) at k half-distances ln 2/τ of the exponential falloff without a limit (12.74).
+    """w(p) at k half-distances ln 2/τ of the exponential falloff (12.74).
 
     Attributes:
         half_distances: float64 (k,), finite, ascending, above 0; mesh units.
         values: float32 (…, k), in [0, 1]: (n, k) of vertices, (h, w, k) of texels.
         radius: of the smallest ball that holds the input, 100 % of relative lengths; mesh units.
+        max_distance: limit D of the falloff in mesh units, above 0, or inf.
 
     Raises:
         OptionError: values of another shape or out of range.
@@ -39,6 +41,7 @@ class Profile:
     half_distances: Float64s
     values: Float32s
     radius: float
+    max_distance: float = math.inf
 
     def __post_init__(self) -> None:
         lengths = numbers(self.half_distances, "profile", "half_distances", "numbers")
@@ -51,23 +54,32 @@ class Profile:
         if not ((values >= 0) & (values <= 1)).all():
             raise OptionError("values", "numbers in [0, 1]", "others", "profile")
         radius = resolve_length("radius", self.radius or 1.0, 1.0)
-        for name, value in {"half_distances": lengths, "values": values, "radius": radius}.items():
+        limit = resolve_length("max_distance", self.max_distance, 1.0)
+        checked = {"half_distances": lengths, "values": values, "radius": radius, "max_distance": limit}
+        for name, value in checked.items():
             object.__setattr__(self, name, value)
 
     @classmethod
-    def stored(cls, half_distances: Any, values: Any, radius: Any) -> Profile | None:
-        """A profile as a file holds it, or None where it holds something else."""
+    def stored(cls, half_distances: Any, values: Any, radius: Any, max_distance: Any = None) -> Profile | None:
+        """A profile as a file holds it, or None where it holds something else. Args: max_distance: None: no limit."""
+        limit = math.inf if max_distance is None else max_distance
         try:
-            return None if np.iscomplexobj(values) else cls(half_distances, np.asarray(values), radius)
+            return None if np.iscomplexobj(values) else cls(half_distances, np.asarray(values), radius, limit)
         except (OptionError, ValueError, TypeError):
             return None
 
     @classmethod
     def joined(cls, parts: Sequence[Profile]) -> Profile | None:
         """One profile of the vertices of several, None unless all have the same half-distances."""
-        if len({(part.radius, *part.half_distances) for part in parts}) != 1:
+        if len({(part.radius, part.max_distance, *part.half_distances) for part in parts}) != 1:
             return None
-        return cls(parts[0].half_distances, np.concatenate([part.values for part in parts]), parts[0].radius)
+        return replace(parts[0], values=np.concatenate([part.values for part in parts]))
+
+    @property
+    def lengths(self) -> dict[str, Any]:
+        """What a file says beside the values: `half_distances`, `radius`, and if there is a limit `max_distance`."""
+        limit = {} if math.isinf(self.max_distance) else {"max_distance": self.max_distance}
+        return {"half_distances": self.half_distances.tolist(), "radius": self.radius} | limit
 
     def __repr__(self) -> str:
         return f"<Profile of {self.values[..., 0].size:,} values at half-distances {self.range}>"
@@ -98,8 +110,9 @@ class Profile:
         taus = math.log(2) / self.half_distances
         d = np.append(np.geomspace(self.half_distances[0] / 100, self.half_distances[-1] * 100, _DISTANCES), np.inf)
         weight = np.append(np.ones(_DISTANCES), _DISTANCES / 4)  # a miss stays 1: the weights' sum is 1
-        columns = -np.expm1(-taus[:, None] * d) * weight
-        target = -np.expm1(-tau * d) * weight
+        d = np.minimum(d, self.max_distance)
+        columns = np.expm1(-taus[:, None] * d) / np.expm1(-taus[:, None] * self.max_distance) * weight
+        target = np.expm1(-tau * d) / np.expm1(-tau * self.max_distance) * weight
         solution = np.linalg.lstsq(columns.T, target, rcond=_RCOND)[0]
         return np.asarray(solution / solution.sum())  # which is off by 4e-6 at most: what is open stays exactly 1
 

@@ -20,7 +20,7 @@ from .texture.result import BakedTexture
 SCHEMA_VERSION = 1
 """Of reports; grows when a name goes or changes its meaning, not when one is added."""
 LISTED = 100
-"""Vertices of a flag that a report lists at most."""
+"""Vertices, or faces, of a flag that a report lists at most."""
 _BINS = 40
 
 
@@ -51,17 +51,17 @@ def report(
         of_vertices = {}
     else:
         has_value = ...
-        size = {"vertices": len(bake.w)}
+        size = {bake.at: len(bake.w)}
         between = bake.interpolation
         flagged = {str(flag.name).lower(): np.flatnonzero(bake.flags & flag)[:LISTED].tolist() for flag in Flag}
         of_vertices = {
             "flagged": bake.flagged,
-            "flagged_vertices": {name: vertices for name, vertices in flagged.items() if vertices},
-            "flagged_vertices_at_most": LISTED,
+            f"flagged_{bake.at}": {name: rows for name, rows in flagged.items() if rows},
+            f"flagged_{bake.at}_at_most": LISTED,
             "interpolation": between and {"rmse": between.rmse, "at_least": between.at_least},
         }
     # What both have.
-    lengths = [] if bake.profile is None else bake.profile.half_distances.tolist()
+    profile = bake.profile
     return {
         "schema_version": SCHEMA_VERSION,
         **size,
@@ -80,7 +80,7 @@ def report(
             "max_distance": "inf" if bake.mu.max_distance == float("inf") else bake.mu.max_distance,
             **({"knots": bake.mu.knots} if bake.mu.form == "table" else {}),
         },
-        **({"profile": {"half_distances": lengths, "rmse": bake.rmses[-len(lengths) :]}} if lengths else {}),
+        **({"profile": profile.lengths | {"rmse": bake.rmses[-len(profile.half_distances) :]}} if profile else {}),
         "seed": options["seed"],
         "options": options,
         "versions": versions(),

@@ -21,15 +21,14 @@ from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64R
 from .estimate.calibration import Calibration
 from .estimate.tolerance import Estimate
 from .mu import Mu
-from .options import OCTAVES
+from .options import OCTAVES, Options
 from .points.receivers import Flag
 from .prepared import Prepared
 
 if TYPE_CHECKING:
     from .profile import Profile
 
-_VISIBLE = 0.1  # 5 of 100 in the lightness of greys, twice what is noticed beside the right value
-_TIMES_RMSE = 3.0
+VISIBLE = 0.05  # 2.5 of 100 in the lightness of greys, which is noticed beside the right value
 _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
 
 
@@ -41,11 +40,12 @@ class Interpolation(NamedTuple):
     faces: Int64s  # (k,), the mesh's, that the points are on
     weights: Float64s  # (k, 3), barycentric
     estimates: Float64s  # (k, 2), two independent ones of w at each point
+    best: float = 0.0  # the least that any values at vertices leave, if visible; 0 where points are too few to tell
 
     @property
     def visible(self) -> bool:
-        """Whether it is surely more than .1, so that shadows lack, or faces are dark all over."""
-        return self.at_least > _VISIBLE
+        """Whether it is surely more than .05, so that shadows lack, or faces are dark all over."""
+        return self.at_least > VISIBLE
 
     @classmethod
     def of(
@@ -178,9 +178,8 @@ class Bake(Columns):
 
     @property
     def coarse(self) -> bool:
-        """Whether interpolation between the vertices surely errs by more than .1 and more than three times `rmse`."""
-        interpolation = self.interpolation
-        return interpolation is not None and interpolation.visible and interpolation.at_least > _TIMES_RMSE * self.rmse
+        """Whether interpolation between the vertices surely errs by more than .05, which pictures show."""
+        return self.interpolation is not None and self.interpolation.visible
 
     @property
     def flagged(self) -> dict[str, int]:
@@ -278,7 +277,7 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
         calibration=values.calibration,
         mesh=mesh,
         at=getattr(prepared.options, "at", "vertices"),
-        **of_columns(prepared, spread),
+        **of_columns(prepared.options, prepared.mus, spread),
     )
 
 
@@ -291,18 +290,19 @@ def _bent_normals(i: int, point: Int64s, bent: Float64Rows, normals: Float32Rows
         store(out, i, normalized(direction) if clear else load(normals, point[i]))
 
 
-def of_columns(prepared: Prepared, columns: Sequence[AnyFloats]) -> dict[str, Any]:
+def of_columns(options: Options, mus: Sequence[Mu], columns: Sequence[AnyFloats]) -> dict[str, Any]:
     """`Bake.others`, `profile` and `profile_errors` from w and errors (…, j) of the falloffs after the first, if
-    any."""
+    any. Args: mus: of all falloffs."""
     if not len(columns):
         return {}
-    listed = len(prepared.options.falloffs) - 1
+    listed = len(options.falloffs) - 1
     further: dict[str, Any] = {"others": tuple(column[..., :listed] for column in columns)} if listed else {}
-    if prepared.options.profile:
-        lengths = np.array([math.log(2) / (mu.tau or math.inf) for mu in prepared.mus[1 + listed :]])
+    if options.profile:
+        lengths = np.array([math.log(2) / (mu.tau or math.inf) for mu in mus[1 + listed :]])
         values, errors = columns
         from .profile import Profile
 
-        further["profile"] = Profile(lengths, values[..., listed:].astype(np.float32), lengths[0] / OCTAVES[0])
+        kept = values[..., listed:].astype(np.float32)
+        further["profile"] = Profile(lengths, kept, lengths[0] / OCTAVES[0], mus[-1].max_distance)
         further["profile_errors"] = errors[..., listed:].astype(np.float32)
     return further

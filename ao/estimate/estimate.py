@@ -46,7 +46,7 @@ def estimate(tracer: Tracer, sites: Sites, options: Options) -> list[Estimate]:
     if tolerance is None:
         rounds, rays = by_rays(tracer, sites, most, options.denoise, key)
     else:
-        rounds, rays = to_tolerance(tracer, sites, tolerance, most, key)
+        rounds, rays = to_tolerance(tracer, sites, tolerance, most, options.denoise, key)
     return [round_.estimate(rays) for round_ in rounds]
 
 

@@ -18,7 +18,7 @@ from .calibration import Calibration, distribute_variance, mean_square, shrunk_t
 from .cells import around
 from .probes import Checks, Copies, Probes
 from .ray_plan import FEW_POINTS, fall_of, first_rays, rays_to_add
-from .sampling_error import BATCH, TYPICAL, derive, rays_alone, stratified_rows
+from .sampling_error import BATCH, RATE, TYPICAL, derive, rays_alone, stratified_rows
 from .scales import denoise_over_scales
 from .sites import ONE_PLACE, PREDICTED, SEVERAL_PLACES, Sites
 from .tolerance import Estimate
@@ -138,7 +138,7 @@ def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint
 
 
 def to_tolerance(
-    tracer: Tracer, sites: Sites, tolerance: float, max_samples: int, key: np.uint32
+    tracer: Tracer, sites: Sites, tolerance: float, max_samples: int, denoise: bool, key: np.uint32
 ) -> tuple[list[Round], Int64s]:
     """The estimates whose root mean square error over all sites is `tolerance`, if `max_samples` rays a site allow it;
     and the rays of each.
@@ -154,7 +154,7 @@ def to_tolerance(
     own = Copies(tracer, sites.points)
     few = min(first_rays(tolerance, len(sites.traced_points)), max_samples)
     first = few
-    if len(sites.traced_points) >= _PILOTED:
+    if denoise and len(sites.traced_points) >= _PILOTED:
         first = _rays_by_pilot(own, sites, deciding, few, goal, max_samples, key)
     more = np.zeros(len(sites), np.int64)
     more[sites.traced] = np.maximum(first - own.rays[sites.traced], 0)
@@ -166,7 +166,7 @@ def to_tolerance(
         for probes in sets:
             probes.grow(sites, own.rays)
         more[:] = 0
-        rounds = _rounds(own, sites, sets, True)
+        rounds = _rounds(own, sites, sets, denoise)
         if max(round_.mean for round_ in rounds) <= goal:  # sites expected to be far off get rays of their own
             worst = np.any([round_.errs_by_more(_WORST * tolerance) for round_ in rounds], axis=0)
             have = own.rays[sites.traced]
@@ -179,7 +179,7 @@ def to_tolerance(
             break
         most = max(rounds, key=lambda round_: round_.mean)
         sites, broken = _with_more_traced(most, measuring, goal)
-        more[rounds[0].sites.traced] = _more_rays(rounds, own, goal, max_samples)
+        more[rounds[0].sites.traced] = _more_rays(rounds, own, goal, max_samples, denoise)
         more[broken] = few
     return rounds, own.rays
 
@@ -279,7 +279,7 @@ def _with_more_traced(round_: Round, measuring: Probes, goal: float) -> tuple[Si
     return sites.broken(predicted)
 
 
-def _more_rays(rounds: list[Round], own: Copies, goal: float, max_samples: int) -> Int64s:
+def _more_rays(rounds: list[Round], own: Copies, goal: float, max_samples: int, denoise: bool) -> Int64s:
     """Rays (b,) to add at the traced sites so that the mean square error of the falloff that errs most becomes the
     `goal`, or nearer."""
     most = max(rounds, key=lambda round_: round_.mean)
@@ -291,8 +291,10 @@ def _more_rays(rounds: list[Round], own: Copies, goal: float, max_samples: int) 
         others = float(error[sites.kinds == PREDICTED].sum()) / len(sites)
         aim = max(aim - others, aim / 4) * len(sites) / len(sites.traced_points)
         error = error[sites.traced]
-    missing = max(most.mean if sites.cell is None else float(np.mean(error)), aim)
-    fall = fall_of(sites.graph, np.ascontiguousarray(most.gathered[:, 0]), most.level, missing, aim)
+    fall = RATE
+    if denoise:
+        missing = max(most.mean if sites.cell is None else float(np.mean(error)), aim)
+        fall = fall_of(sites.graph, np.ascontiguousarray(most.gathered[:, 0]), most.level, missing, aim)
     worth, rays = own.worth[sites.traced], own.rays[sites.traced]
     more = rays_to_add(error, worth, max_samples, aim, fall, sites.graph.threads)
     return np.minimum(more, max_samples - rays)

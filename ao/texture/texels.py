@@ -130,7 +130,7 @@ class TexelSampler:
             return np.zeros(len(coverage.texels), np.bool_), np.arange(len(coverage.texels))
         noise = options.tolerance or _NOISE * (_RAYS / options.rays) ** 0.75
         most_bent = _BENT * min(noise / _NOISE, 1.0)  # so that noise is more than what a texel's only sample misses
-        largest = _LARGEST if options.tolerance and not receivers.opacity else 1
+        largest = _LARGEST if options.tolerance and options.denoise and not receivers.opacity else 1
         tangent = min(float(np.tan(np.radians(options.spread / 2))), 1.0)
         smooth, threads = self.surface.smooth, self.prepared.threads
         return smooth_cells(coverage, smooth, receivers.tree, most_bent, tangent, largest, threads)

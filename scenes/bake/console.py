@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING
 
 from obscurance.raytrace.errors import LINE, printable
 
+from ..show.report.verdict import COARSE, flags_in_words
+
 if TYPE_CHECKING:
     from obscurance import ao
     from obscurance.raytrace.mesh.mesh import Mesh
@@ -113,7 +115,6 @@ def quietly(quiet: bool) -> Iterator[None]:
         _quiet.clear()
 
 
-COARSE = "between the vertices w, the openness, errs by"  # how a warning about a result begins, in its second part
 HARD = "vertices lie on hard edges"
 
 
@@ -138,11 +139,9 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
 
 def bake_summary(baked: ao.Bake, target: Path) -> str:
     """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
-    from ..show.report.verdict import flags_in_words
-
     took = f"{_took(baked)}, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(str(target))}: {len(baked.w):,} {baked.at}, {baked.rays:,} rays traced {took}"
-    flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped)
+    flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped, baked.at)
     return "\n".join([text, *(words for name, words in flags.items() if name != "contact")])  # usual where parts meet
 
 

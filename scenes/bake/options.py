@@ -80,7 +80,7 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
                EVERY_BAKE, excludes=("high",), metavar="PATTERN"),
         Option("occluded_by", OccludedBy, "all", "By all, the own object alone, or objects of its name: as if each "
                "were in a file of its own, with occluders and ground.", EVERY_BAKE,
-               excludes=("high", "cluster", "profile")),
+               excludes=("high", "cluster")),
         Option("flip", bool, False, "Turn all faces of the input over, for meshes that look inwards; outputs have them "
                "turned."),
         "normals", "interior", "back_faces",
@@ -182,7 +182,7 @@ RENDER = (
     of_bake("normals", kind=Normals | None, default=None),
     Option("obscurance", str | None, None, "What w scales: ambient (ambient light only), "
            "'ambient and diffuse' (light, as in the textbook's equation 12.75), or off (nothing)."),
-    Option("baked", Path | None, None, "Read w from a baked file: .npy .npz .ply .glb"),
+    Option("baked", Path | None, None, "Read w from a baked file: .npy .npz .ply .glb .tif"),
     Option("half_distance", str | None, None, "Of the baked file's profile: mesh units, or \"12%\" of the radius; or "
            "several with commas between, whose w are multiplied."),
     Option("power", str | None, None, "Of w at each half-distance, 1 by default: 1,0.5 for instance.",

@@ -20,7 +20,7 @@ from ..formats.falloffs import make_falloff, table_of
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target
 from ..formats.load import unit_of
-from ..formats.table import Channels, is_raster
+from ..formats.table import Channels, format_of, is_raster
 from ..formats.write import ENDINGS, channels, check_holds, check_target
 from .options import BAKER, PRESETS, REPORTS, ROWS, BakeOptions, absolute, check_kind, named, plain
 
@@ -42,9 +42,7 @@ _READS = {
 }
 """The endings of outputs that a preset's program reads."""
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
-_CHEAP_PROFILE = {
-    "falloff": "exponential", "max_distance": "inf", "method": "vertex", "tolerance": None, "occluded_by": "all",
-}  # fmt: skip
+_CHEAP_PROFILE = {"falloff": "exponential", "method": "vertex", "tolerance": None}
 """Options with which a profile takes the rays of the bake alone, and has w as baked between its columns."""
 
 
@@ -199,12 +197,13 @@ def plan_bake(options: BakeOptions, content: bytes | None = None) -> Plan:
         _check_vertices(plan)
     else:
         _check_texture(plan)
-    # An up axis is of use only to what stands on it.
+    # An up axis is of use only to what stands on it, or points up.
     standing = {".html", ".ply", ".glb"}
     paths = (options.report, options.debug_image, output if kind == "vertices" else plan.glb)
-    stands = options.ground or options.debug_image or any(path.suffix.lower() in standing for path in paths if path)
-    if options.up and not stands:
-        raise ConflictError("up", "needs", "--ground, --debug-image or .html, .ply, .glb: else w is the same")
+    stands = any(path.suffix.lower() in standing for path in paths if path)
+    if options.up and not (stands or options.ground or options.debug_image or options.normals == "up"):
+        needed = "--ground, --normals up, --debug-image or .html, .ply, .glb: else w is the same"
+        raise ConflictError("up", "needs", needed)
     return plan
 
 
@@ -318,9 +317,7 @@ def _check_vertices(plan: Plan) -> None:
     check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
     if options.high is not None and options.method == "surface":
         raise ConflictError("high", "does not go with", ("method", "surface"))
-    if options.occluded_by != "all" and isinstance(plan.arguments.falloff, tuple):
-        raise ConflictError("occluded_by", "does not go with", "a list of falloffs")
-    if options.profile and plan.ending == ".npy":
+    if options.profile and "profile" not in format_of(plan.output).holds:
         raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .inputs import BakeInputs
     from .plan import Plan
 
-_OF_FALLOFF = "falloff", "tau", "max_distance", "profile"
+_OF_FALLOFF = "falloff", "tau", "profile"
 _MOST = 1 << 28  # bytes; anything larger is no report
 
 

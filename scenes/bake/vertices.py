@@ -12,20 +12,25 @@ import numpy as np
 
 from obscurance import ao
 from obscurance.ao.baking import VertexArguments, bake_vertices
+from obscurance.ao.estimate.calibration import Calibration
 from obscurance.ao.options import VertexOptions
+from obscurance.ao.result import VISIBLE, of_columns
 from obscurance.raytrace.errors import MeshError, OptionError
 from obscurance.raytrace.system.checks import check_outputs
-from obscurance.raytrace.types import Float64s
+from obscurance.raytrace.types import AnyFloats, Bools, Float64s, Int64s
 
+from ..formats.table import is_raster
 from ..formats.unsupported import unsupported_features
 from ..formats.write import write_vertices
 from ..show.progress import progress
-from .console import COARSE, HARD, bake_summary, warn
+from ..show.report.verdict import COARSE
+from .console import HARD, bake_summary, warn
 from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
 
 if TYPE_CHECKING:
     from obscurance.ao.execute.kept import Kept
     from obscurance.ao.execute.tracer import Progress
+    from obscurance.raytrace.mesh.mesh import Mesh
 
     from ..formats.load import MeshFile
     from ..show.report.pictures import Picture
@@ -58,28 +63,28 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     with open_checkpoint(plan.output) as checkpoint:
         baked = trace(plan, inputs, checkpoint)
         # Warnings about the result, before it is written.
-        lines = list(baked.shortfalls)
+        coarse = _coarse(plan, inputs.source, baked)
+        lines = [*coarse, *baked.shortfalls]
         missed = baked.flagged["missed"]
         if missed:
             outside = "outside the cage of the fine mesh; they take its closest point"
             lines.append(f"{plan.output}: {missed:,} of {len(baked.w):,} vertices lie {outside}")
-        warnings += warn([], lines)
+        warnings = [*warn([], lines), *warnings]
         traced = time.perf_counter()
         channels = plan.channels
         if plan.ending == ".html":
-            channels = channels._replace(again=command_again(plan, inputs.source))
+            channels = channels._replace(again=command_again(plan, inputs.source), warning="".join(coarse))
         with progress(options.quiet, "writing", form=options.progress):
             write_vertices(plan.output, baked, inputs.source, channels)
-        if baked.coarse and baked.interpolation is not None:
-            text = f"{COARSE} {baked.interpolation.rmse:.2f}, as the faces are too large for it"
-            warnings += warn([], [f"{plan.output}: {text}: {_remedy(plan, inputs.source)}"])
     seconds = {"load": loaded - inputs.started, "write": time.perf_counter() - traced}
     if options.report:
         from obscurance.ao.report import report
 
         def pictures() -> list[list[Picture]]:
-            from ..show.report.pictures import pictures_of_vertices
+            from ..show.report.pictures import pictures_of_faces, pictures_of_vertices
 
+            if baked.at == "faces":
+                return [pictures_of_faces(baked.mesh, baked.w, baked.error)]
             return [pictures_of_vertices(inputs.source.baked_mesh(len(baked.w)), baked.w, baked.error)]
 
         write_bake_report(plan, report(baked, plan.described(), seconds, warnings), hashes, pictures)
@@ -103,20 +108,34 @@ def _hard_edges(plan: Plan, inputs: BakeInputs) -> list[str]:
     return [f"{plan.output}: {count:,} of {len(mesh.vertices):,} {HARD}: {sides}"] if count else []
 
 
-def _remedy(plan: Plan, source: MeshFile) -> str:
-    """What makes w right between the vertices in the output of a plan."""
-    if plan.ending == ".glb" and not plan.channels.colors:
-        uv = None
-        with suppress(MeshError):  # malformed coordinates, of which nothing else here makes use
-            uv = source.uv
-        return "add --occlusion texture" if uv is not None else "add --occlusion texture --uv unwrap"
+def _coarse(plan: Plan, source: MeshFile, baked: ao.Bake) -> list[str]:
+    """A line about values that are wrong between the vertices, and what makes them right in this output; none for
+    cells of a raster, which have nothing between them."""
+    if not baked.coarse or baked.interpolation is None or is_raster(plan.output):
+        return []
+    text = f"{plan.output}: {COARSE} {baked.interpolation.rmse:.2f}, as the faces are too large for it"
+    uv = None
+    with suppress(MeshError):  # malformed coordinates, of which nothing else here makes use
+        uv = source.uv
+    texture = "--occlusion texture" if uv is not None else "--occlusion texture --uv unwrap"
+    if plan.ending == ".glb" and not plan.channels.colors and not is_raster(plan.mesh):
+        return [f"{text}: add {texture}"]
+    if baked.interpolation.best <= VISIBLE and _can_be_fitted(plan):
+        return [f"{text}: add --method surface"]
+    if plan.ending in (".npy", ".npz") or is_raster(plan.mesh):
+        return [f"{text}: subdivide them"]
+    return [f"{text}: subdivide them, or bake a texture, {texture} into a .glb"]
+
+
+def _can_be_fitted(plan: Plan) -> bool:
+    """Whether the bake of a plan would be another by the surface method, with which some options do not go."""
     arguments = plan.arguments
     if isinstance(arguments, VertexOptions) and arguments.method == "vertex":
         with suppress(OptionError):
             profile = arguments.profile and plan.ending != ".html"  # which has one by itself with the other method
-            replace(arguments, method="surface", profile=profile)  # some options do not go with that
-            return "add --method surface"
-    return "subdivide them"
+            replace(arguments, method="surface", profile=profile)
+            return True
+    return False
 
 
 def trace(plan: Plan, inputs: BakeInputs, checkpoint: Kept) -> ao.Bake:
@@ -155,33 +174,56 @@ def _bake_cloud(plan: Plan, inputs: BakeInputs, cloud: tuple[Float64s, Float64s]
 
 
 def _bake_groups(plan: Plan, inputs: BakeInputs) -> ao.Bake:
-    """Bake groups of objects one by one; vertices of several groups have w of the last."""
-    from obscurance.ao.estimate.calibration import Calibration
+    """Bake groups of objects one by one, each alone among the occluders that all have; vertices of several groups have
+    w of the last."""
+    chosen, arguments = inputs.chosen, plan.arguments
+    assert isinstance(arguments, VertexOptions)
+    falloffs = tuple(chosen.absolute(falloff) for falloff in arguments.every_falloff)
+    alone = replace(arguments, falloff=falloffs if len(falloffs) > 1 else falloffs[0], profile=False)
+    parts = list[tuple[Int64s, ao.Bake]]()
+    for vertices, faces, mesh in chosen.parts():
+        only = None if chosen.only is None else chosen.only[vertices]
+        given = {"only": only, "threads": plan.options.threads} | inputs.arguments
+        part = bake_vertices(VertexArguments.of(alone, mesh, **given))
+        parts.append((vertices if part.at == "vertices" else faces, part))
+    return _joined(parts, chosen.mesh, arguments, chosen.only)
 
-    chosen = inputs.chosen
-    only = chosen.only
-    count = len(chosen.mesh.vertices)
-    falloff = chosen.absolute(plan.falloff)
-    parts = list[ao.Bake]()
-    values: dict[str, Any] = {"w": np.ones(count), "error": np.zeros(count), "bent_normals": np.zeros((count, 3))}
-    values["flags"] = np.full(count, ao.Flag.UNREFERENCED, np.uint8)
-    values["flags"][chosen.mesh.faces] = 0
-    # Each group alone, among the occluders that all have.
-    for vertices, mesh in chosen.parts():
-        requested = None if only is None else only[vertices]
-        options = {"falloff": falloff, "only": requested, "threads": plan.options.threads}
-        part = bake_vertices(VertexArguments.of(plan.arguments, mesh, **options, **inputs.arguments))
-        for name, column in values.items():
-            column[vertices] = getattr(part, name)
-        parts.append(part)
-    calibrations = [part.calibration for part in parts if part.calibration]
-    columns = zip(*calibrations, strict=True)
-    rmse = float(np.sqrt(np.sum(values["error"] ** 2) / max(count if only is None else int(only.sum()), 1)))
+
+def _joined(
+    parts: Sequence[tuple[Int64s, ao.Bake]], mesh: Mesh, arguments: VertexOptions, only: Bools | None
+) -> ao.Bake:
+    """One bake of parts of a mesh, each with its rows. Args: arguments: of the whole. only: vertices that got w."""
+    bakes = [part for _, part in parts]
+    wanted = only
+    if bakes[0].at == "vertices":
+        has_face = np.zeros(len(mesh.vertices), np.bool_)
+        has_face[mesh.faces] = True
+    else:
+        wanted = None if only is None else np.all(only[mesh.faces], axis=1)
+        has_face = np.ones(len(mesh.faces), np.bool_)
+
+    def spread(columns: Sequence[AnyFloats], elsewhere: float) -> Float64s:
+        """Values of the parts in the rows of the whole."""
+        whole = np.full((len(has_face), *columns[0].shape[1:]), elsewhere)
+        for (rows, _), values in zip(parts, columns, strict=True):
+            whole[rows] = values
+        return whole
+
+    flags = np.where(has_face, 0, ao.Flag.UNREFERENCED).astype(np.uint8)
+    for rows, part in parts:
+        flags[rows] = part.flags
+    w, errors = spread([part.values for part in bakes], 1.0), spread([part.errors for part in bakes], 0.0)
+    rmses = np.sqrt(np.sum(errors**2, axis=0) / max(len(w) if wanted is None else int(wanted.sum()), 1)).tolist()
+    further = of_columns(arguments, arguments.mus(mesh.radius), [w[:, 1:], errors[:, 1:]] if len(rmses) > 1 else [])
+    calibrations = [part.calibration for part in bakes if part.calibration]
+    below = [(rows, part.below) for rows, part in parts if part.below]
     return ao.Bake(
-        **values, mesh=chosen.mesh, mu=parts[0].mu, rmse=rmse, rmses=(rmse,), rays=sum(part.rays for part in parts),
-        rays_skipped=_sums([part.rays_skipped for part in parts]), seconds=_sums([part.seconds for part in parts]),
-        shortfalls=tuple(dict.fromkeys(line for part in parts for line in part.shortfalls)),
-        calibration=Calibration(*map(np.concatenate, columns)) if calibrations else None,
+        w=w[:, 0], error=errors[:, 0], bent_normals=spread([part.bent_normals for part in bakes], 0.0), flags=flags,
+        mesh=mesh, mu=bakes[0].mu, rmse=rmses[0], rmses=tuple(rmses), rays=sum(part.rays for part in bakes),
+        rays_skipped=_sums([part.rays_skipped for part in bakes]), seconds=_sums([part.seconds for part in bakes]),
+        shortfalls=tuple(dict.fromkeys(line for part in bakes for line in part.shortfalls)),
+        calibration=Calibration(*map(np.concatenate, zip(*calibrations, strict=True))) if calibrations else None,
+        at=bakes[0].at, below=_joined(below, mesh, arguments, only) if below else None, **further,
     )  # fmt: skip
 
 

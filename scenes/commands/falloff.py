@@ -27,7 +27,7 @@ def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None)
 
     Args: baked: a `.npz`, an `.exr` or a mesh file with a profile. mesh: what a `.npz` belongs to, for other formats.
     """
-    check_ending("baked", baked, ".exr", *(ending for ending in endings("w") if ending != ".npy"))
+    check_ending("baked", baked, ".exr", *(ending for ending in endings("profile") if ending != ".html"))
     if mesh and baked.suffix.lower() != ".npz":
         raise ConflictError("mesh", "needs", "a .npz")
     textured = baked.suffix.lower() == ".exr"

@@ -57,7 +57,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
         "normals_at_corners": mesh.corner_normals is not None,
         **_surfaces(source),
         "stored_w": _stored(source.w),
-        "stored_profile": profile and {"half_distances": profile.half_distances.tolist(), "stored": stored},
+        "stored_profile": profile and profile.lengths | {"stored": stored},
         "occlusion_textures": _occlusion(source),
         "alpha": mesh.opacity.counts if mesh.opacity else None,
         "points_to_bake": len(receivers.points),

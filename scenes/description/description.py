@@ -29,7 +29,7 @@ class SceneDescription:
         settings: of the picture.
         w_from: where w(p) comes from: "bake" it for this picture; "off" (w = 1), exactly when `settings.obscurance` is;
             or a file of `obscurance bake` with one value a vertex of `Scene.flattened()`: `.npy`, `.npz`, `.ply`,
-            `.glb`, `.gltf`.
+            `.glb`, `.gltf`, `.tif`.
         scales: of the file's profile, in place of its w.
         bake: falloff, samples and seed of a bake.
         files: every file that the scene is made of: its own, meshes, textures, w.
@@ -92,6 +92,15 @@ def framing(mesh: Mesh, up: str | None, width: int, height: int, view: str | Non
     if not np.cross(towards, above).any():  # the back is upwards from the top
         above = tuple(np.array([0, 0, -np.sign(towards @ above)]) @ turn)
     return Camera.framing(mesh, tuple(towards), above, aspect=width / height)
+
+
+def sun_and_sky() -> tuple[BaseLight, ...]:
+    """Lights of terrain, where z is up and y is north: the sun 40° high in the north-west, and a sky of less light.
+
+    Level ground is grey, so that slopes are lighter and darker.
+    """
+    sun = DirectionalLight(direction=(0.54, -0.54, -0.64), intensity=(2.1, 2.0, 1.85))
+    return sun, AmbientLight(intensity=(0.22, 0.24, 0.28))
 
 
 def three_lights(camera: Camera) -> tuple[BaseLight, ...]:

@@ -23,9 +23,10 @@ from obscurance.raytrace.types import Float64s
 
 from ..formats.load import MeshFile, load
 from ..formats.objects import ObjectSelection
+from ..formats.table import is_raster
 from ..geometry.attributes import SourceAttributes, SourceMaterial
 from ..geometry.primitives import Origin, TexturedMesh
-from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
+from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, sun_and_sky, three_lights
 
 _COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
 
@@ -37,7 +38,8 @@ def mesh_scene(
     shapes = list(_shapes(source))
     objects = tuple(Object(shape, name=source.path.stem) for shape, _ in shapes)
     camera = framing(source.mesh, up, settings.width, settings.height, view)
-    lit = Scene(objects, three_lights(camera), BACKGROUND)
+    lights = sun_and_sky() if is_raster(source.path) else three_lights(camera)
+    lit = Scene(objects, lights, BACKGROUND)
     notes = (*source.notes, *colours_left_out(source.path, source.unread), *lying_notes(source.mesh, up))
     origins = tuple(origin for _, origin in shapes)
     return SceneDescription(lit, camera, settings, files=source.files, notes=notes, origins=origins)
@@ -83,7 +85,7 @@ def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
     has_uv = ~np.isnan(uv[mesh.faces]).any(axis=(1, 2))
     group = 2 * material_of + has_uv
     parts = ObjectSelection(mesh, np.ones(len(group), np.bool_), group).parts()
-    for number, (vertices, part) in zip(np.unique(group), parts, strict=True):
+    for number, (vertices, _, part) in zip(np.unique(group), parts, strict=True):
         material = materials[number // 2] if number >= 0 else None
         texture = Texture(material.texture) if material and material.texture and number % 2 else None
         own_uv = uv[vertices] if texture else None

@@ -81,8 +81,9 @@ def write_grey(
     if profile and path.suffix.lower() == ".exr":
         layers.append(profile.values)
         names += [f"{PROFILE}.{number:02}" for number in range(len(profile.half_distances))]
-        lengths = " ".join(map(repr, profile.half_distances.tolist()))
-        metadata = {**metadata, "half_distances": lengths, "radius": repr(profile.radius)}
+        lengths = profile.lengths
+        lengths["half_distances"] = " ".join(map(repr, lengths["half_distances"]))
+        metadata = {**metadata, **{name: str(value) for name, value in lengths.items()}}
     write_data(path, np.concatenate(layers, axis=2), metadata, half, names, bits)
 
 

@@ -69,8 +69,9 @@ class ObjectSelection(NamedTuple):
             lengths |= {"tau": mu.tau, "half_distance": None}
         return replace(falloff, **lengths)
 
-    def parts(self) -> Iterator[tuple[Int64s, Mesh]]:
-        """The groups of which some face gets w: their vertices in the mesh (k,), and the group as a mesh of its own."""
+    def parts(self) -> Iterator[tuple[Int64s, Int64s, Mesh]]:
+        """The groups of which some face gets w: their vertices in the mesh (k,), their faces (m,), and the group as a
+        mesh of its own."""
         mesh = self.mesh
         group = np.zeros(len(self.receive), np.int64) if self.group is None else self.group
         order = np.argsort(group, kind="stable")
@@ -87,6 +88,7 @@ class ObjectSelection(NamedTuple):
                 triangles = corners.reshape(-1, 3)
                 yield (
                     vertices,
+                    face_rows,
                     Mesh(mesh.vertices[vertices], triangles, normals, source=mesh.source, up=mesh.up, **facts),
                 )
 

@@ -39,6 +39,7 @@ _CELL = 240  # bytes of memory a cell takes until it is a vertex and two triangl
 _PACKED, _FEW = 1100, 1 << 20  # cells that a byte of file holds at most; so many that any file may have
 _NO_DATA = -9999.0
 _KEPT = "width", "height", "crs", "transform"
+_BANDS = {"obscurance": "w", "standard error": "error"}  # of a result, and what is in them
 
 
 def read_raster(mesh_input: MeshInput) -> list[Instance]:
@@ -46,7 +47,12 @@ def read_raster(mesh_input: MeshInput) -> list[Instance]:
 
     Raises: MeshError: no cell has data, cells are in degrees, or there are several bands. Others as `opened`.
     """
+    from rasterio.enums import MaskFlags
+
     with opened(mesh_input.file, mesh_input.source) as raster:
+        if raster.count > 1 and MaskFlags.alpha not in raster.mask_flag_enums[0]:
+            expected = "one, of heights: gdal_translate -b 1 takes the first"
+            raise MeshError(mesh_input.source, "bands", expected, raster.count)
         heights, has_data, notes = cells_of(raster)
         transform = raster.transform
         unit = _unit_of(raster, mesh_input.source)
@@ -121,7 +127,6 @@ def opened(file: Any, source: str) -> DatasetReader:
         ModuleNotFoundError: there is no rasterio.
     """
     import rasterio
-    from rasterio.enums import MaskFlags
     from rasterio.errors import RasterioError
 
     try:
@@ -129,8 +134,6 @@ def opened(file: Any, source: str) -> DatasetReader:
     except RasterioError as reason:
         got = "another format" if "not recognized" in str(reason) else _IN_MEMORY.sub("", str(reason))
         raise MeshError(source, "content", f"a raster of heights, {format_of(source).name}", got) from None
-    if raster.count > 1 and MaskFlags.alpha not in raster.mask_flag_enums[0]:
-        raise MeshError(source, "bands", "one, of heights: gdal_translate -b 1 takes the first", raster.count)
     stored = file.seek(0, os.SEEK_END)
     cells, block = raster.width * raster.height, raster.count * int(np.prod(raster.block_shapes[0]))
     if max(cells, block) > max(_PACKED * stored, _FEW):
@@ -153,7 +156,7 @@ def raster(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
     with parser_errors(path), path.open("rb") as file, opened(file, str(path)) as source:
         has_data = cells_of(source).has_data
         grid = {name: source.profile[name] for name in _KEPT}
-    bands = {"obscurance": bake.w, "standard error": bake.error}
+    bands = {name: getattr(bake, column) for name, column in _BANDS.items()}
     known_bands = {name: values for name, values in bands.items() if values is not None}
     from rasterio.io import MemoryFile
 
@@ -167,3 +170,11 @@ def raster(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
                 target.set_band_description(number, name)
         content: bytes = memory.read()
     return content
+
+
+def stored_columns(path: Path) -> dict[str, Float64s]:
+    """`w` and `error` of the cells with data, as far as a bake has left them in a raster. Raises: as `opened`."""
+    with path.open("rb") as file, opened(file, str(path)) as source:
+        has_data = source.read_masks(1) > 0
+        numbers = {_BANDS[name]: number for number, name in enumerate(source.descriptions, 1) if name in _BANDS}
+        return {column: source.read(number)[has_data].astype(np.float64) for column, number in numbers.items()}

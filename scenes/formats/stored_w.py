@@ -23,7 +23,7 @@ from obscurance.raytrace.types import AnyFloats, Float64s
 from ..geometry.instances import Instance
 from .images import PROFILE
 from .load import joined_profile, parser_errors, read_objects
-from .table import endings, format_of
+from .table import endings, format_of, is_raster
 
 ENDINGS = endings("w")
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def check_stored(path: Path) -> None:
 
 
 def read_w(path: PathName, *counts: int, scales: Scales | None = None) -> Float64s:
-    """w (n,): a `.npy` file, the array `w` of a `.npz` file, or that of a mesh's vertices.
+    """w (n,): a `.npy` file, the array `w` of a `.npz` file, that of a mesh's vertices, or of a GeoTIFF's cells.
 
     Primitives of a glTF that a bake has left nothing in have what their occlusion texture is at the vertices.
 
@@ -56,7 +56,9 @@ def read_w(path: PathName, *counts: int, scales: Scales | None = None) -> Float6
     """
     path = Path(path)
     try:
-        if format_of(path).read:
+        if is_raster(path):
+            w = _of_raster(path)
+        elif format_of(path).read:
             w = _of_mesh(path, counts, scales)
         else:
             w = scales.of(checked_profile(path, find_profile(path))) if scales else _of_array(path, counts)
@@ -76,12 +78,14 @@ def find_profile(path: Path) -> Profile | None:
     if path.suffix.lower() == ".npz":
         with _array_errors(path), path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             if set(arrays) >= _ARRAYS:
-                return Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()])
+                limit = arrays["max_distance"][()] if "max_distance" in arrays else None
+                return Profile.stored(arrays["half_distances"], arrays["profile"], arrays["radius"][()], limit)
     elif path.suffix.lower() == ".exr":
         layers, metadata = read_image(path)
         if PROFILE in layers:
-            return Profile.stored(metadata.get("half_distances", "").split(), layers[PROFILE], metadata.get("radius"))
-    elif format_of(path).read:
+            lengths = metadata.get("half_distances", "").split()
+            return Profile.stored(lengths, layers[PROFILE], metadata.get("radius"), metadata.get("max_distance"))
+    elif "profile" in format_of(path).holds:
         return joined_profile(read_objects(path)[0])
     return None
 
@@ -110,6 +114,17 @@ def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Floa
     if len(stored) == 1 and asset and len(w) not in counts:
         w = w[: unrepeated(stored[0][0].vertices, counts)]
     return w
+
+
+def _of_raster(path: Path) -> Float64s:
+    """w (n,) that a bake has left in a raster, of the cells with data. Raises: SceneError: there is none."""
+    from .raster import stored_columns
+
+    with _array_errors(path):
+        columns = stored_columns(path)
+    if "w" not in columns:
+        raise SceneError(path, "w", "a band called obscurance, as obscurance bake writes it", "none")
+    return columns["w"]
 
 
 def _other_count(path: Path, name: str, counts: tuple[int, ...], got: str) -> SceneError:
@@ -144,7 +159,11 @@ def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | Non
 
 
 def read_beside_w(path: Path, count: int) -> dict[str, Any]:
-    """`error`, `flags`, `bent_normals` of `count` vertices, as far as a `.npz` file holds them. Raises: SceneError."""
+    """`error`, `flags`, `bent_normals` of `count` vertices, as `.npz` and `.tif` have them. Raises: SceneError."""
+    if is_raster(path):
+        from .raster import stored_columns
+
+        return {name: values for name, values in stored_columns(path).items() if name in _BESIDE}
     if path.suffix.lower() != ".npz":
         return {}
     with _array_errors(path), zipfile.ZipFile(path) as archive:

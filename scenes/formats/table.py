@@ -31,6 +31,7 @@ class Channels(NamedTuple):
     up: str | None = None  # the axis that is up, in place of `Mesh.up`
     ply_name: str | None = None  # a further property of a PLY that holds w
     again: str = 'baked.profile.at("{}")'  # how a page says to bake another half-distance, "{}"
+    warning: str = ""  # about the result, which a page says first
 
 
 class FileFormat(NamedTuple):
@@ -43,7 +44,7 @@ class FileFormat(NamedTuple):
     begins: bytes = b""  # a pattern of the first bytes, which identifies a pipe's format
     write: str = ""  # a bake, a `MeshFile` and `Channels` to bytes
     # what else the "source" of an output holds; "w", that of "faces" and backs, "colors" of vertices, "uv" of corners,
-    # a "scene", a "raster"
+    # a "profile", a "scene", a "raster"
     holds: tuple[str, ...] = ()
     unit: float | str = 0.0  # of its coordinates, in metres; or the function that finds it in a file; 0: none
 
@@ -104,7 +105,7 @@ register(
         peak=7.5,
         begins=rb"ply[\r\n]",
         write="obscurance.scenes.formats.ply.write:ply",
-        holds=("source", "w", "faces", "colors", "uv"),
+        holds=("source", "w", "profile", "faces", "colors", "uv"),
     ),
     FileFormat(
         ".glb",
@@ -113,10 +114,10 @@ register(
         peak=2.0,
         begins=rb"glTF",
         write="obscurance.scenes.formats.gltf.write:glb",
-        holds=("source", "w", "colors", "scene"),
+        holds=("source", "w", "profile", "colors", "scene"),
         unit=1.0,
     ),
-    FileFormat(".gltf", "glTF", read=_READ_GLTF, peak=2.0, begins=rb"\s*\{", holds=("w", "scene"), unit=1.0),
+    FileFormat(".gltf", "glTF", read=_READ_GLTF, peak=2.0, begins=rb"\s*\{", holds=("w", "profile", "scene"), unit=1.0),
     FileFormat(".vrm", "VRM", read=_READ_GLTF, peak=2.0, holds=("scene",), unit=1.0),
     FileFormat(
         ".stl", "STL", read="obscurance.scenes.formats.stl:read_stl", peak=6.0, begins=rb"\s*solid\b.*\n\s*facet\b"
@@ -135,8 +136,8 @@ register(
     FileFormat(".dae", "COLLADA", read=f"{_DAE}:read_dae", peak=22.0, begins=_COLLADA, unit=f"{_DAE}:unit"),
     FileFormat(".zae", "COLLADA", read=f"{_DAE}:read_dae", peak=22.0),
     FileFormat(".asc", "Esri ASCII grid", read=_READ_RASTER, peak=2.0, holds=("raster",), unit=1.0),
-    FileFormat(".tif", "GeoTIFF", read=_READ_RASTER, peak=2.0, write=_WRITE_RASTER, holds=("raster",), unit=1.0),
-    FileFormat(".tiff", "GeoTIFF", read=_READ_RASTER, peak=2.0, write=_WRITE_RASTER, holds=("raster",), unit=1.0),
+    FileFormat(".tif", "GeoTIFF", read=_READ_RASTER, peak=2.0, write=_WRITE_RASTER, holds=("raster", "w"), unit=1.0),
+    FileFormat(".tiff", "GeoTIFF", read=_READ_RASTER, peak=2.0, write=_WRITE_RASTER, holds=("raster", "w"), unit=1.0),
     FileFormat(
         ".vtp",
         "VTK",
@@ -147,6 +148,6 @@ register(
         holds=("source", "w"),
     ),
     FileFormat(".npy", "NumPy", write="obscurance.scenes.formats.write:npy", holds=("w", "faces")),
-    FileFormat(".npz", "NumPy", write="obscurance.scenes.formats.write:npz", holds=("w", "faces")),
-    FileFormat(".html", "HTML", write="obscurance.scenes.show.page.document:page_of_bake"),
+    FileFormat(".npz", "NumPy", write="obscurance.scenes.formats.write:npz", holds=("w", "profile", "faces")),
+    FileFormat(".html", "HTML", write="obscurance.scenes.show.page.document:page_of_bake", holds=("profile",)),
 )

@@ -58,7 +58,8 @@ def write(
 
     - `.npy`: w, float32 (n,), or (n, 2) with that of the backs.
     - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,), as far as they
-      are known; of a profile `profile` float32 (n, k), `half_distances` float64 (k,) and `radius`.
+      are known; of a profile `profile` float32 (n, k), `half_distances` float64 (k,), `radius`, and `max_distance` if
+      it has a limit.
     - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
       a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
     - `.glb`: `_OBSCURANCE` (`scenes.formats.gltf.write.glb`), and what viewers show: a ramp or colours.
@@ -201,10 +202,6 @@ def npz(bake: Bake, *_: object) -> memoryview:
     if bake.below:
         arrays |= {f"{name}_below": getattr(bake.below, name).astype(kind) for name, kind in kinds.items()}
     if profile := bake.profile:
-        arrays |= {
-            "profile": profile.values,
-            "half_distances": profile.half_distances,
-            "radius": np.float64(profile.radius),
-        }
+        arrays |= {"profile": profile.values} | {name: np.float64(value) for name, value in profile.lengths.items()}
     np.savez(content, **arrays)
     return content.getbuffer()

@@ -1,5 +1,6 @@
 """What interpolation between vertices errs by, against closed forms; and when the command warns of it."""
 
+import json
 import pickle
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from command import obscurance
 from mesh_files import ply
 from meshes import hills
+from pages import facts_of
 
 from obscurance import ao
 from obscurance.ao.closed_forms import polygon_form_factor
@@ -14,10 +16,19 @@ from obscurance.raytrace import Mesh
 from obscurance.scenes import Temple
 from obscurance.scenes.geometry.polyhedra import icosphere, join, polygon
 
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 UP = np.array([0.0, 0.0, 1.0])
 FLOOR = np.array([(-2.0, -2.0, 0.0), (2.0, -2.0, 0.0), (2.0, 2.0, 0.0), (-2.0, 2.0, 0.0)])
 LID = np.array([(-0.9, -0.7, 0.5), (0.7, -0.7, 0.5), (0.7, 0.9, 0.5), (-0.9, 0.9, 0.5)])
 PART = join([polygon(FLOOR), polygon(LID)])
+BALL, BALL_FACES = icosphere(1)
+BALLS = join([(BALL, BALL_FACES), (BALL + np.array([1.5, 0, 0]), BALL_FACES)])
 
 
 def floor_error():
@@ -43,6 +54,23 @@ def test_the_error_is_that_of_the_closed_form():
     assert sum(each.at_least < floor_error() for each in found) >= 11
 
 
+@pytest.mark.parametrize("tolerance", [0.1, 0.02, 0.005])
+def test_faces_are_too_large_from_an_error_of_a_twentieth_whatever_the_tolerance(tolerance):
+    found = {n: ao.bake(hills(n), "binary", tolerance=tolerance) for n in (6, 8, 12)}
+    assert [each.coarse for each in found.values()] == [True, True, False]
+    assert 0.05 < found[8].interpolation.at_least < 0.1
+    assert found[12].interpolation.rmse < 0.045
+
+
+def test_what_any_values_at_the_vertices_leave():
+    """Four vertices of a floor show no shadow in its middle, whatever their values; those of crossing balls do."""
+    fitted = [ao.bake(mesh, "binary", method="surface").interpolation.rmse for mesh in (PART, BALLS)]
+    best = [ao.bake(mesh, "binary").interpolation.best for mesh in (PART, BALLS)]
+    np.testing.assert_allclose(best, fitted, atol=0.03)
+    assert best[0] > 0.14
+    assert best[1] < 0.03
+
+
 @pytest.mark.parametrize("mesh", [polygon(FLOOR), icosphere(1)])
 def test_what_is_open_everywhere_has_none(mesh):
     baked = ao.bake(mesh, samples=64)
@@ -56,7 +84,7 @@ def test_fine_meshes_are_not_coarse_however_noisy():
         baked = ao.bake(dense, "binary", samples, denoise=False)
         assert baked.interpolation.rmse < 0.04
         assert not baked.coarse
-    assert baked.interpolation.rmse < 0.015
+    assert baked.interpolation.rmse < 0.02
     assert ao.bake(PART, "binary").coarse
     assert ao.bake(hills(8), "binary", method="surface").interpolation.rmse < ao.bake(hills(8)).interpolation.rmse
 
@@ -75,33 +103,47 @@ def test_vertices_without_normals_are_no_obstacle():
     assert ao.bake(Mesh(*PART, normals), samples=16, normals="file").interpolation.rmse > 0.1
 
 
-@pytest.mark.parametrize("method", ["vertex", "surface"])
-def test_a_command_reports_it_in_one_line(tmp_path, method):
-    (tmp_path / "lid.ply").write_bytes(ply(*PART))
-    page = tmp_path / "r.html"
-    line = tmp_path / "lid.ply", "-o", tmp_path / "w.ply", "--report", page, "--method", method, "--samples", 256
-    result = obscurance("bake", *line)
-    found = [text for text in result.stderr.splitlines() if "between the vertices w, the openness, errs by 0." in text]
-    assert len(found) == 1
-    assert found[0].endswith(": add --method surface" if method == "vertex" else ": subdivide them")
-    assert "between the vertices w, the openness, errs by 0." in page.read_text()
+LARGE = "as the faces are too large for it"
+TEXTURE = "--occlusion texture --uv unwrap"
+OR_TEXTURE = f"subdivide them, or bake a texture, {TEXTURE} into a .glb"
 
 
 @pytest.mark.parametrize(
-    ("options", "remedy"), [((), "--occlusion texture --uv unwrap"), (("--colors", "rgb"), "--method surface")]
+    ("part", "output", "options", "remedy"),
+    [
+        (BALLS, "w.ply", (), "add --method surface"),
+        (BALLS, "w.html", (), "add --method surface"),
+        (BALLS, "w.npy", (), "add --method surface"),
+        (BALLS, "w.npy", ("--interior", "ignore"), "subdivide them"),
+        (BALLS, "w.glb", (), f"add {TEXTURE}"),
+        (BALLS, "w.glb", ("--colors", "rgb"), "add --method surface"),
+        (PART, "w.ply", (), OR_TEXTURE),
+        (PART, "w.html", (), OR_TEXTURE),
+        (PART, "w.html", ("--method", "surface"), OR_TEXTURE),
+        (PART, "w.npz", (), "subdivide them"),
+    ],
 )
-def test_what_helps_a_glb_is_named(tmp_path, options, remedy):
-    (tmp_path / "lid.ply").write_bytes(ply(*PART))
-    result = obscurance("bake", tmp_path / "lid.ply", "-o", tmp_path / "w.glb", "--samples", 256, *options)
-    assert f"as the faces are too large for it: add {remedy}\n" in result.stderr
+def test_a_command_names_what_helps_its_output(folder, part, output, options, remedy):
+    (folder / "lid.ply").write_bytes(ply(*part))
+    result = obscurance("bake", "lid.ply", "-o", output, "--falloff", "binary", "--tolerance", 0.02, *options)
+    lines = [line for line in result.stderr.splitlines() if LARGE in line]
+    assert len(lines) == 1
+    assert lines[0].endswith(f"{LARGE}: {remedy}")
 
 
-def test_what_helps_a_page_is_the_surface_method(tmp_path):
-    (tmp_path / "lid.ply").write_bytes(ply(*PART))
-    line = "bake", tmp_path / "lid.ply", "-o", tmp_path / "w.html", "--samples", 256
-    assert ": add --method surface\n" in obscurance(*line).stderr
-    assert obscurance(*line, "--method", "surface").returncode == 0
-    assert ": subdivide them\n" in obscurance(*line, "--interior", "ignore").stderr
+def test_it_is_said_first_in_reports_and_on_pages(folder):
+    (folder / "lid.ply").write_bytes(ply(*PART))
+    assert obscurance("bake", "lid.ply", "-o", "w.html", "--report", "r.json").returncode == 0
+    report = json.loads((folder / "r.json").read_text())
+    first = report["warnings"][0]
+    assert first.startswith("w.html: between the vertices w, the openness, errs by 0.")
+    assert report["verdict"]["findings"][0] == {"level": "bad", "what": first, "do": ""}
+    assert sum(first == each["what"] for each in report["verdict"]["findings"]) == 1
+    page = (folder / "w.html").read_bytes()
+    assert facts_of(page)["bakes"][0]["warning"] == first
+    (folder / "open.ply").write_bytes(ply(*icosphere(1)))
+    assert obscurance("bake", "open.ply", "-o", "open.html").returncode == 0
+    assert facts_of((folder / "open.html").read_bytes())["bakes"][0]["warning"] == ""
 
 
 def test_it_is_measured_when_it_is_asked_for():

@@ -66,8 +66,9 @@ def used(part: RawMesh) -> RawMesh:
 
 
 def places(part: RawMesh) -> int:
-    """How many different places the vertices of faces are at; a bake has at least as many points."""
-    return len(np.unique(part[0][np.unique(part[1])].astype(np.float32), axis=0))
+    """How many places the vertices of faces are at that differ by a millionth of the part's extent, as they do wherever
+    `placed` moves it; a bake has at least as many points."""
+    return len(np.unique(np.round(part[0][np.unique(part[1])] / (1e-6 * extent(part))), axis=0))
 
 
 def refined(part: RawMesh, length: float) -> RawMesh:

@@ -89,8 +89,7 @@ class GlbBuilder:
             codes = np.zeros((len(vertices), 4), "<u2")
             codes[:, : columns.shape[1]] = np.rint(columns * np.float32(65535))
             attributes[f"{PROFILE}{number}"] = self.accessor(codes, normalized=True)
-        facts = {"half_distances": profile.half_distances.tolist(), "radius": profile.radius}
-        self.header["accessors"][attributes[f"{PROFILE}0"]]["extras"] = facts
+        self.header["accessors"][attributes[f"{PROFILE}0"]]["extras"] = profile.lengths
 
     def _colors(self, w: Float64s, channels: str, stored: npt.NDArray[Any] | None) -> int:
         """Index of an accessor of `COLOR_0` with w in some channels, the rest as `stored` or at its most."""

@@ -110,5 +110,5 @@ def _stored_profile(asset: Gltf, attributes: dict[str, int], count: int) -> Prof
         if len(columns) == count:
             from obscurance.ao import Profile
 
-            return Profile.stored(lengths, columns[:, : len(lengths)], extras["radius"])
+            return Profile.stored(lengths, columns[:, : len(lengths)], extras["radius"], extras.get("max_distance"))
     return None

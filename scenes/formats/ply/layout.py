@@ -71,12 +71,14 @@ class PlyHeader(NamedTuple):
     def profile(self, columns: Mapping[str, npt.NDArray[Any]]) -> Profile | None:
         """The profile that a bake has left. Args: columns: of the vertices."""
         for line in (line for line in self.comments if line.startswith(PROFILE_COMMENT)):
-            radius, *lengths = line.removeprefix(PROFILE_COMMENT).split() or ["0"]
+            numbers, _, limit = line.removeprefix(PROFILE_COMMENT).partition("max_distance")
+            radius, *lengths = numbers.split() or ["0"]
             names = [f"{PROFILE}{number:02}" for number in range(len(lengths))]
             if names and set(names) <= set(columns):
                 from obscurance.ao import Profile
 
-                return Profile.stored(lengths, np.stack([columns[name] for name in names], axis=1), radius)
+                values = np.stack([columns[name] for name in names], axis=1)
+                return Profile.stored(lengths, values, radius, limit.strip() or None)
         return None
 
 

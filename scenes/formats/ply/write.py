@@ -46,8 +46,9 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
         comments.insert(0, UP_COMMENT + axis)
     comments.insert(0, OWN + _COMMENTS[colour_channels])
     if profile:
-        numbers = [profile.radius, *profile.half_distances.tolist()]
-        comments.insert(1, layout.PROFILE_COMMENT + " ".join(map(repr, numbers)))
+        words = [*map(repr, [profile.radius, *profile.half_distances.tolist()])]
+        words += ["max_distance", repr(profile.max_distance)] if "max_distance" in profile.lengths else []
+        comments.insert(1, layout.PROFILE_COMMENT + " ".join(words))
     # The elements, with w in that of vertices or of faces.
     further = channels.ply_name
     named = "face" if bake.at == "faces" else "vertex"

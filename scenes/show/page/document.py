@@ -112,8 +112,9 @@ def page_of_bake(bake: Bake | Values, mesh_file: MeshFile, channels: Channels) -
     name = mesh_file.path.name
     title = "standard input" if mesh_file.path.stem == PIPED else name
     values = Values(
-        bake.w, bake.error, bake.flags, bake.bent_normals, title, profile=bake.profile, permanent=channels.again
-    )
+        bake.w, bake.error, bake.flags, bake.bent_normals, title, profile=bake.profile, permanent=channels.again,
+        warning=channels.warning,
+    )  # fmt: skip
     return html_of_bakes(mesh_file.baked_mesh(len(bake.w)), [values], title, channels.up, base_colour(mesh_file))
 
 

@@ -58,6 +58,7 @@ class Values:
     at: str = "vertices"
     below: None = None
     permanent: str = 'baked.profile.at("{}")'  # the command that bakes a half-distance, which "{}" stands for
+    warning: str = ""  # about the result, said first
 
     def checked(self, count: int) -> Values:
         """The values as float64 and uint8 arrays of `count` vertices. Raises: OptionError: one of another length."""
@@ -137,7 +138,8 @@ def _bake_columns(bake: Values, number: int, columns: dict[str, npt.NDArray[Any]
     if bake.bent_normals is not None:
         columns[f"bent{number}"] = _octahedral(bake.bent_normals, 255).astype("u1")
     rmse = 0.0 if bake.error is None else float(np.sqrt(np.mean(bake.error**2)))
-    described = {"name": bake.name, "rmse": rmse, "errorTop": largest, "errorShown": _scale_end(bake.error)}
+    described: dict[str, Any] = {"name": bake.name, "warning": bake.warning, "rmse": rmse}
+    described |= {"errorTop": largest, "errorShown": _scale_end(bake.error)}
     if bake.textures:
         return described | _texture_columns(bake.textures, number, columns)
     if bake.profile:

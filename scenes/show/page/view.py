@@ -20,11 +20,12 @@ from ...formats.gltf.occlusion import is_ramp
 from ...formats.gltf.textures import Textures
 from ...formats.load import MeshFile, load, parser_errors
 from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated
+from ...formats.table import endings
 from .base_colour import base_colour
 from .document import html_of_bakes
 from .encode import TexturedW, Values
 
-_ARRAYS = (".npy", ".npz")
+_ARRAYS = (".npy", ".npz", *endings("raster"))  # values alone, without the mesh
 _PAGE = "page.html"
 _MOVED = 1e-4  # of the radius, by which formats may round coordinates
 
@@ -32,7 +33,10 @@ _MOVED = 1e-4  # of the radius, by which formats may round coordinates
 def view_results(
     result: Path, other: Path | None, output: Path | None, mesh: Path | None, up: str | None, show: bool = False
 ) -> str:
-    """Write the page of one bake, or of two with a slider between, and return a line. Args: mesh: of `.npy`, `.npz`."""
+    """Write the page of one bake, or of two with a slider between, and return a line.
+
+    Args: mesh: of `.npy`, `.npz`, `.tif`.
+    """
     # What is shown, and where it is written.
     results = [result] if other is None else [result, other]
     for field, path in zip(("result", "other"), results, strict=False):
@@ -66,7 +70,7 @@ def view_results(
 def _values(path: Path, count: int, source: MeshFile | None) -> Values:
     """What a page shows of the first `count` vertices of a file.
 
-    Args: source: the mesh file, None of `.npy` and `.npz`.
+    Args: source: the mesh file, None of values alone.
     """
     if source is None or source.w is None:
         w = read_w(path, count)

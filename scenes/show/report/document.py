@@ -137,7 +137,8 @@ def _values(report: Report) -> str:
     if "w" not in report:
         return ""
     figures = "".join(f"<figure>{_histogram(report[name], name)}</figure>" for name in ("w", "error"))
-    what = f"{number(report['vertices'])} vertices" if "vertices" in report else "the covered texels"
+    kind = _elements(report)
+    what = f"{number(report[kind])} {kind}" if kind else "the covered texels"
     return _section(f"Values at {what}", f'<div class="charts">{figures}</div>')
 
 
@@ -180,9 +181,15 @@ def _costs(report: Report) -> str:
     return _section("Costs", f'<div class="charts">{_shares(report["seconds"], "Seconds", " s")}{whole}</div>')
 
 
+def _elements(report: Report) -> str:
+    """What rows of a bake are of, "vertices" or "faces"; nothing of texels or a picture."""
+    return next((kind for kind in ("vertices", "faces") if kind in report), "")
+
+
 def _flags(report: Report) -> str:
-    """A table of the first vertices that carry each flag."""
-    listed = report.get("flagged_vertices")
+    """A table of the first vertices, or faces, that carry each flag."""
+    kind = _elements(report)
+    listed = report.get(f"flagged_{kind}")
     if not listed:
         return ""
     counts = {
@@ -191,7 +198,7 @@ def _flags(report: Report) -> str:
         for name, vertices in listed.items()
     }
     text = "The first of each, counted from 0 in the file's order; a report in JSON lists a hundred."
-    return _section("Flagged vertices", f"<p>{text}</p>{_table(counts)}")
+    return _section(f"Flagged {kind}", f"<p>{text}</p>{_table(counts)}")
 
 
 def _table(facts: Mapping[str, Any]) -> str:

@@ -51,6 +51,13 @@ def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats) -> list[Pic
     return [Picture("clay × w", _png(clay.layers["beauty"][..., :3])), *_w_and_error(objects, camera, top)]
 
 
+def pictures_of_faces(mesh: Mesh, w: AnyFloats, error: AnyFloats) -> list[Picture]:
+    """The same of a bake at the faces. Args: w, error: (m,)."""
+    corners = np.arange(3 * len(w)).reshape(-1, 3)
+    apart = Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), corners, source=mesh.source, up=mesh.up)
+    return pictures_of_vertices(apart, np.repeat(w, 3), np.repeat(error, 3))
+
+
 def pictures_of_page(mesh: Mesh | None, page: ao.BakedTexture) -> list[Picture]:
     """A page of a texture, and how the faces that are on it look with it if the mesh is given."""
     top = float(np.max(page.error, initial=0.0))

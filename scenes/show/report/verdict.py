@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 Facts = Mapping[str, Any]
 Pictures = Callable[[], "Sequence[Sequence[Picture]]"]
+COARSE = "between the vertices w, the openness, errs by"  # in a warning about a result, which comes first
 _LEVELS = "bad", "note", "good"
 _NOISY = 0.02  # RMSE of w that shows in a picture
 _OPEN, _CLOSED = 0.999, 0.05  # w of a mesh without occlusion, and of one that is inside out
@@ -63,6 +64,7 @@ def verdict(report: Facts) -> dict[str, Any]:
 
 def _findings(report: Facts) -> Iterator[Finding]:
     """The findings of a report, of a bake or of a rendering."""
+    yield from (Finding("bad", warning) for warning in report["warnings"] if COARSE in warning)
     if "w" in report:
         yield from _error(report)
         w = report["w"]
@@ -74,12 +76,13 @@ def _findings(report: Facts) -> Iterator[Finding]:
             advice = "obscurance info MESH tells where its faces look inwards; --flip turns them over."
             yield Finding("bad", text, advice)
         if "flagged" in report:
-            words = flags_in_words(report["flagged"], report["vertices"], report.get("rays_skipped", {}))
+            kind = "faces" if "faces" in report else "vertices"
+            words = flags_in_words(report["flagged"], report[kind], report.get("rays_skipped", {}), kind)
             yield from (Finding("note", f"{text}.", _OF_FLAGS[name][1]) for name, text in words.items())
     else:
         yield from _picture(report)
     for warning in report["warnings"]:
-        if "is not met" not in warning:
+        if "is not met" not in warning and COARSE not in warning:
             yield Finding("bad" if _INSIDE_OUT in warning else "note", warning)
 
 
@@ -104,17 +107,20 @@ def _error(report: Facts) -> Iterator[Finding]:
             yield Finding("note", text, "Trust the RMSE of the whole more than the errors of single places.")
 
 
-def flags_in_words(flagged: dict[str, int], vertices: int, rays_skipped: dict[str, int]) -> dict[str, str]:
-    """The treatment of a bake's flagged vertices, by flag, in words. Args: `flagged`, `rays_skipped`: see `ao.Bake`."""
+def flags_in_words(flagged: dict[str, int], count: int, rays_skipped: dict[str, int], at: str) -> dict[str, str]:
+    """The treatment of what a bake flagged of its `count` vertices or faces, by flag, in words.
+
+    Args: `flagged`, `rays_skipped`, `at`: see `ao.Bake`.
+    """
     hidden = "; w, the openness, is taken from visible neighbours" if rays_skipped.get("hidden") else ""
     words = {}
-    for name, count in flagged.items():
+    for name, some in flagged.items():
         what = _OF_FLAGS[name][0].format(hidden)
         verb, _, remainder = what.partition(" ")
-        if count == 1:
-            words[name] = f"One vertex {_SINGULAR[verb]} {remainder}"
-        elif count:
-            words[name] = f"{count:,} of {vertices:,} vertices {what}"
+        if some == 1:
+            words[name] = f"One {'face' if at == 'faces' else 'vertex'} {_SINGULAR[verb]} {remainder}"
+        elif some:
+            words[name] = f"{some:,} of {count:,} {at} {what}"
     return words
 
 

@@ -32,12 +32,12 @@ def rms(difference: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(difference))))
 
 
-def check(name: str, seeds: int, tolerances: tuple[float, ...]) -> None:
+def check(name: str, seeds: int, tolerances: tuple[float, ...], denoise: bool = True) -> None:
     truth = ao.bake(MESHES[name], ao.Binary(), samples=4096, seed=999, denoise=False).w
     kept, ratios = [], []
     for seed in range(seeds):
         for tolerance in tolerances:
-            baked = ao.bake(MESHES[name], ao.Binary(), seed=seed, tolerance=tolerance)
+            baked = ao.bake(MESHES[name], ao.Binary(), seed=seed, tolerance=tolerance, denoise=denoise)
             true = rms(baked.w - truth)
             kept.append(true <= tolerance)
             ratios.append(baked.rmse / true)
@@ -49,6 +49,14 @@ def check(name: str, seeds: int, tolerances: tuple[float, ...]) -> None:
 @pytest.mark.parametrize("name", MESHES)
 def test_the_tolerance_is_kept_and_the_error_estimated(name: str) -> None:
     check(name, 5, (0.03, 0.01, 0.005))
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_the_tolerance_is_kept_by_rays_alone(name: str) -> None:
+    """Without denoising rays alone bring the error down, and more of them."""
+    check(name, 3, (0.03, 0.01), denoise=False)
+    alone, denoised = (ao.bake(MESHES[name], ao.Binary(), tolerance=0.01, denoise=denoise) for denoise in (False, True))
+    assert alone.rays > denoised.rays
 
 
 @pytest.mark.slow
@@ -138,7 +146,6 @@ def test_samples_are_the_most() -> None:
 
 @pytest.mark.parametrize(("tolerance", "others"), [
     (0, {}), (-0.1, {}), (2, {}), (np.nan, {}), ("1%", {}), (True, {}),
-    (0.01, {"denoise": False}),
 ])  # fmt: skip
 def test_mistakes(tolerance: object, others: dict[str, object]) -> None:
     with pytest.raises(OptionError):

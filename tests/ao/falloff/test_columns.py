@@ -123,7 +123,6 @@ def test_octaves_of_closed_forms(name):
     ({"falloff": []}, "falloff: expected a falloff or a list of falloffs, got an empty list"),
     ({"falloff": ["binary", 3]}, "falloff: expected ao.Binary"),
     ({"falloff": 3}, "falloff: expected ao.Binary"),
-    ({"profile": True, "falloff": ao.Binary("20%")}, "profile and max_distance exclude each other"),
     ({"profile": True, "method": "surface"}, "profile does not go with method='surface'"),
     ({"falloff": ["binary", "exponential"], "method": "surface"}, "a list of falloffs does not go with method="),
     ({"profile": "yes"}, "profile: expected"),

@@ -57,6 +57,32 @@ def test_every_vertex_of_ten_meshes_at_quarter_octaves():
         assert np.ptp(baked.values) > 0.1
 
 
+@pytest.mark.parametrize("limit", [0.002, 0.05, 0.7, 30.0])
+def test_no_mixture_of_distances_errs_by_more_than_004_within_a_limit(limit):
+    distances = np.append(np.geomspace(1e-6, 1e4, 3000), np.inf)
+
+    def obscured(half_distance):
+        return np.minimum(_obscured(half_distance, distances[:, None]) / _obscured(half_distance, limit), 1)
+
+    profile = ao.Profile(HALF_DISTANCES, obscured(HALF_DISTANCES), 1.0, limit)
+    for half_distance in np.geomspace(HALF_DISTANCES[0], HALF_DISTANCES[-1], 145):
+        assert np.abs(profile.at(half_distance) - obscured(half_distance)[:, 0]).max() < 0.0036
+
+
+@pytest.mark.parametrize("form", [ao.Exponential, ao.Binary, ao.Linear])
+def test_a_profile_ends_where_the_falloff_does(form):
+    mesh = Mesh(*soup_over_floor(3))
+    lengths = [0.05 * mesh.radius, 0.31 * mesh.radius]
+    limited = [ao.Exponential(half_distance=each, max_distance="40%") for each in lengths]
+    options = {"samples": 16, "denoise": False}
+    profile = ao.bake(mesh, form(max_distance="40%"), profile=True, **options).profile
+    asked = ao.bake(mesh, limited, **options).values
+    assert math.isclose(profile.max_distance, 0.4 * mesh.radius)
+    assert np.abs(np.stack([profile.at(each) for each in lengths], axis=1) - asked).max() < 0.004
+    without = ao.bake(mesh, profile=True, **options).profile
+    assert np.abs(profile.values - without.values).max() > 0.1
+
+
 def test_columns_and_open_places_are_met_exactly():
     values = np.random.default_rng(1).random((3, 4, 10), np.float32)
     values[0] = 1

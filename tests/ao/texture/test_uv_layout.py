@@ -146,7 +146,6 @@ def test_the_size_for_a_texel_size():
         ({"interior": "mark"}, "does not go with a texture"),
         ({"size": 0}, "from 1 to 16384"),
         ({"samples": 0}, "from 1 to 1048576"),
-        ({"tolerance": 0.01, "denoise": False}, "does not go with tolerance"),
     ],
 )
 def test_options_that_cannot_be(options, words):

@@ -1,6 +1,7 @@
 """`--receive`, `--cast` and `--exclude`: objects of a file by name, against meshes made without them by hand."""
 
 import json
+import math
 import shlex
 
 import numpy as np
@@ -154,6 +155,26 @@ def test_objects_alone_are_as_in_files_of_their_own(folder):
     by_name, by_object = (scenes.load(name).w.reshape(4, -1) for name in ("w.glb", "o.glb"))
     same = (by_name == by_object).all(axis=1)
     assert same.tolist() == [True, False, True, False]
+
+
+def test_objects_alone_at_faces_on_both_sides_and_with_a_profile(folder):
+    """As each is in a file of its own; the profile's half-distances are shares of the radius of all."""
+    baked("--occluded-by", "object", "--at", "faces", "--both-sides", "--report", "r.json", output="f.npz")
+    found, starts = np.load("f.npz"), np.arange(len(BALLS)) * len(BALL[1])
+    for name, start in zip(BALLS, starts, strict=True):
+        alone = ao.bake(Mesh(*BALLS[name]), FALLOFF, 32, at="faces", both_sides=True)
+        rows = slice(start, start + len(BALL[1]))
+        assert np.array_equal(found["w"][rows], alone.w.astype("f4"))
+        assert np.array_equal(found["w_below"][rows], alone.below.w.astype("f4"))
+    report = json.loads((folder / "r.json").read_text())
+    assert report["faces"] == len(BALLS) * len(BALL[1])
+    assert 0 < report["rmse_estimate"] < 0.05
+    baked("--occluded-by", "object", "--profile", output="p.npz")
+    found = np.load("p.npz")
+    check(found["w"], {name: by_hand(name)[name] for name in BALLS})
+    assert math.isclose(found["radius"], scenes.load("m.obj").mesh.radius, rel_tol=1e-6)
+    hat = ao.bake(Mesh(*BALLS["hat"]), ao.Exponential(half_distance=found["half_distances"][3]), 32)
+    assert np.allclose(found["profile"][ROWS["hat"], 3], hat.w, atol=1e-5)
 
 
 def test_a_texture_of_each_object_alone(folder):

@@ -101,7 +101,7 @@ def test_another_unit_is_pointed_out(folder):
         (["--occluder", "."], ".: file: expected a mesh file, got a folder"),
         (["--ground", "auto", "--high", "left.obj"], "--ground and --high exclude each other"),
         (["--occluder", "left.obj", "--high", "left.obj"], "--occluder and --high exclude each other"),
-        (["--up", "z"], "--up needs --ground, --debug-image or .html, .ply, .glb: else w is the same"),
+        (["--up", "z"], "--up needs --ground, --normals up, --debug-image or .html, .ply, .glb: else w is the same"),
     ],
 )
 def test_mistakes_are_one_line(folder, options, message):

@@ -119,7 +119,7 @@ def test_an_interrupt_while_modules_are_imported_is_reported_in_a_line(meshes, n
     [
         (">&-", "bake hills.ply -o w.npz --samples 16", 1, "obscurance: standard output: Bad file descriptor\n"),
         (">&-", "--help", 1, "obscurance: standard output: Bad file descriptor\n"),
-        (">&-", "bake - -o - --normals up < hills.ply", 1, "obscurance: standard output: Bad file descriptor\n"),
+        (">&-", "bake - -o - --normals up -q < hills.ply", 1, "obscurance: standard output: Bad file descriptor\n"),
         ("2>&-", "bake nothing.ply -o w.npz", 2, ""),
         ("<&- >&- 2>&-", "bake hills.ply -o w.npz --samples 16 --quiet", 0, ""),
         (

@@ -31,6 +31,7 @@ BAKES = {
     "limited": partial(ao.bake, HILLS, ao.Exponential(tau=2.0, max_distance="30%"), samples=64),
     "tolerance": partial(ao.bake, HILLS, tolerance=0.01),
     "partly inside": partial(ao.bake, Mesh(*two_boxes()), tolerance=0.01),
+    "faces": partial(ao.bake, CHARTS, samples=64, at="faces"),
     "surface": partial(ao.bake, HILLS, samples=64, method="surface"),
     "falloffs": partial(ao.bake, HILLS, ["binary", ao.Smooth("30%")], samples=64, profile=True),
     "texture": partial(ao.bake_texture, CHARTS, grid_charts(len(CHARTS.faces)), 64, samples=64),

@@ -267,9 +267,9 @@ def test_the_three_forms_of_conflicts():
     for kind, said in {"texture": "does not go with a texture"}.items():
         with pytest.raises(ConflictError, match=f"options: colors {said}$"):
             check_kind(BakeOptions(mesh=[], colors="rgb"), kind)
-    with pytest.raises(ConflictError, match=r"^options: denoise=False does not go with tolerance$") as fault:
-        Options(tolerance=0.1, denoise=False)
-    assert (fault.value.first, fault.value.relation) == (("denoise", False), "does not go with")
+    with pytest.raises(ConflictError, match=r"^options: thickness does not go with interior='fill'$") as fault:
+        Options(thickness=True, interior="fill")
+    assert (fault.value.first, fault.value.relation) == ("thickness", "does not go with")
 
 
 def test_relations_name_options_of_the_table():

@@ -109,7 +109,6 @@ REFUSED = [
     ({"exclude": "boxes"}, OptionError, "exclude: expected a name or pattern of its objects, mesh, got 'boxes'"),
     ({"exclude": 3}, OptionError, "exclude: expected a list of names or patterns, got 3"),
     ({"only": [True] * 16, "occluded_by": "name"}, ConflictError, "only does not go with occluded_by"),
-    ({"falloff": ["binary"], "occluded_by": "name"}, ConflictError, "occluded_by does not go with a list of falloffs"),
 ]
 
 

@@ -181,7 +181,7 @@ MISTAKES = {
         '[obscurance]\nbaked = "w.npy"\nseed = 3\n' + PLAIN
     ),
     'obscurance.baked: expected an existing file, got "none.npy"': '[obscurance]\nbaked = "none.npy"\n' + PLAIN,
-    'obscurance.baked: expected a name ending in .glb, .gltf, .npy, .npz, .ply, .vtp, got "paint.png"': (
+    'obscurance.baked: expected a name ending in .glb, .gltf, .npy, .npz, .ply, .tif, .tiff, .vtp, got "paint.png"': (
         '[obscurance]\nbaked = "paint.png"\n' + PLAIN
     ),
 }

@@ -65,7 +65,7 @@ def test_it_is_refused_where_it_would_do_nothing(folder):
     refused(obscurance("render", "s.toml", "-o", "p.png", "--up", "z"), "--up: expected a mesh file")
     refused(
         obscurance("bake", "z.ply", "-o", "w.npy", "--up", "z"),
-        "bake: --up needs --ground, --debug-image or .html, .ply, .glb",
+        "bake: --up needs --ground, --normals up, --debug-image or .html, .ply, .glb",
     )
     refused(obscurance("render", "z.ply", "-o", "p.png", "--up", "w"), "--up", "w")
     builder = Builder()
@@ -162,7 +162,7 @@ def test_a_textured_glb_stands_upright_too(folder):
     assert load("again.glb").mesh.bounds[1].tolist() == [1, 1, 0]
     refused(
         obscurance("bake", "t.obj", "-o", "t.png", "--up", "z"),
-        "bake: --up needs --ground, --debug-image or .html, .ply, .glb",
+        "bake: --up needs --ground, --normals up, --debug-image or .html, .ply, .glb",
     )
 
 

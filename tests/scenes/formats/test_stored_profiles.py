@@ -1,5 +1,7 @@
 """Profiles in files: written, read back, replaced and left out."""
 
+import math
+
 import numpy as np
 import pytest
 import validator
@@ -31,13 +33,13 @@ def source(tmp_path_factory, bake):
 
 
 @pytest.mark.parametrize(("ending", "error"), [(".npz", 0), (".ply", 0), (".glb", 0.5 / 65535)])
-@pytest.mark.parametrize("columns", [1, 4, 10])
-def test_what_is_written_is_read_back(tmp_path, source, bake, ending, error, columns):
-    path, baked = tmp_path / f"baked{ending}", with_profile(bake, columns)
+@pytest.mark.parametrize(("columns", "limit"), [(1, math.inf), (4, 0.1), (10, math.inf), (10, 3.3)])
+def test_what_is_written_is_read_back(tmp_path, source, bake, ending, error, columns, limit):
+    path, baked = tmp_path / f"baked{ending}", with_profile(bake, columns, limit=limit)
     write(path, baked, load(source, path))
     found, count = find_profile(path), len(bake.w)
     assert np.array_equal(found.half_distances, baked.profile.half_distances)
-    assert found.radius == baked.profile.radius
+    assert (found.radius, found.max_distance) == (baked.profile.radius, limit)
     assert np.abs(found.values[:count] - baked.profile.values).max() <= error + 1e-7
     half_distance = baked.profile.half_distances[0] * (1.3 if columns > 1 else 1)
     w = read_w(path, count, scales=make_scales(half_distance))
@@ -74,13 +76,13 @@ def test_a_glb_of_several_objects_has_one_profile(tmp_path):
 
 def test_a_page_of_texels_has_layers(tmp_path):
     values = np.random.default_rng(2).random((6, 8, 10), np.float32)
-    profile = ao.Profile(0.1 * 2.0 ** np.arange(10), values, 3.3)
+    profile = ao.Profile(0.1 * 2.0 ** np.arange(10), values, 3.3, 0.25)
     write_grey(tmp_path / "page.exr", values[..., 3], False, {"content": "w"}, profile=profile)
     write_grey(tmp_path / "plain.exr", values[..., 3], False, {"content": "w"})
     found = find_profile(tmp_path / "page.exr")
     assert np.array_equal(found.values, values)
     assert np.array_equal(found.half_distances, profile.half_distances)
-    assert found.radius == 3.3
+    assert (found.radius, found.max_distance) == (3.3, 0.25)
     assert find_profile(tmp_path / "plain.exr") is None
 
 

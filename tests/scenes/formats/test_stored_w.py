@@ -82,7 +82,9 @@ def test_w_of_another_mesh_is_refused(folder):
     refused(obscurance(*render, "o.glb"), "o.glb: w: expected 6 values, one a vertex of the scene's files", "got 7")
     refused(obscurance(*render, "corner.ply"), "corner.ply: w: expected obscurance at every vertex", "got none")
     refused(obscurance(*render, "gone.ply"), "--baked: expected an existing file, got gone.ply")
-    refused(obscurance(*render, "w.obj"), "--baked: expected a name ending in .glb, .gltf, .npy, .npz, .ply")
+    refused(
+        obscurance(*render, "w.obj"), "--baked: expected a name ending in .glb, .gltf, .npy, .npz, .ply, .tif, .tiff"
+    )
     refused(obscurance(*render, "w.ply", "--obscurance", "off"), "render: --baked does not go with --obscurance off")
     assert not (folder / "p.png").exists()
 

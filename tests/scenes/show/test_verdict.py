@@ -33,6 +33,7 @@ SEEN = {"picture": {"covered": 0.4, "brightest": 0.8, "clipped": 0.0}, "rmse_est
         ),
         (GOOD, {"flagged": {"hidden": 1}}, "note", "One vertex lies inside solids"),
         (GOOD, {"warnings": ["m.ply: normals of 3 of 9 vertices are uncertain by 2°"]}, "note", "uncertain by"),
+        (GOOD, {"warnings": ["w: between the vertices w, the openness, errs by 0.06, …"]}, "bad", "errs by 0.06"),
         (SEEN, {}, "good", "The picture was made"),
         (SEEN, {"picture": SEEN["picture"] | {"covered": 0.0}}, "bad", "Nothing is in view"),
         (SEEN, {"picture": SEEN["picture"] | {"brightest": 0.0}}, "bad", "black"),
@@ -62,7 +63,7 @@ def test_every_flag_has_its_words():
 @pytest.mark.parametrize("flag", list(Flag))
 def test_every_flag_has_words_for_one_vertex_and_for_several(flag):
     name = flag.name.lower()
-    (one,), (two,) = (flags_in_words({name: count}, 9, {}).values() for count in (1, 2))
+    (one,), (two,) = (flags_in_words({name: count}, 9, {}, "vertices").values() for count in (1, 2))
     assert one.startswith("One vertex ")
     assert two.startswith("2 of 9 vertices ")
     assert " they " not in one

@@ -80,6 +80,8 @@ function describe(page) {
   const sizes = bakes.flatMap(({ textures }) => textures.map(({ width, height }) => `${width} × ${height}`));
   const texels = sizes.length ? `\nw in textures: ${[...new Set(sizes)].join(", ")} texels` : "";
   at("facts").textContent = `${grouped(count)} vertices, ${grouped(faces.length / 3)} faces${texels}${error}`;
+  at("warning").textContent = bakes.map(({ warning }) => warning).join("");
+  at("warning").hidden = !at("warning").textContent;
   at("vertex").max = count - 1;
   if (page.mesh.bakes.length > 1) {
     at("comparison").hidden = false;

@@ -1,15 +1,19 @@
 """Sky-view factors of terrain against closed forms, and what rasters keep."""
 
+import json
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 from command import obscurance, refused
+from pages import columns_of, facts_of
 
 import obscurance as package
 from obscurance import scenes
+from obscurance.raytrace.image.read import read_image
 from obscurance.scenes.geometry.instances import with_sides
 
 rasterio = pytest.importorskip("rasterio")
@@ -318,3 +322,88 @@ def test_what_is_refused(tmp_path):
     (tmp_path / "text.tif").write_text("no raster")
     refused(obscurance("bake", tmp_path / "text.tif", "-o", tmp_path / "w.tif"), "a raster of heights")
     assert not (tmp_path / "w.tif").exists()
+
+
+@pytest.mark.parametrize("options", [(), ("--method", "surface")])
+@pytest.mark.parametrize("steep", [45, 75])
+def test_horizontal_cells_of_a_ramp_by_either_method(tmp_path, steep, options):
+    """(1 + cos β)/2, and as much between the cells."""
+    write(tmp_path / "ramp.tif", np.arange(40.0) * np.tan(np.radians(steep)) + np.zeros((30, 1)))
+    given = "--normals", "up", "--up", "z", "--falloff", "binary", "--report", tmp_path / "r.json", *options
+    done = obscurance("bake", tmp_path / "ramp.tif", "-o", tmp_path / "w.npz", *given)
+    assert done.returncode == 0, done.stderr
+    assert "warning" not in done.stderr
+    np.testing.assert_allclose(np.load(tmp_path / "w.npz")["w"], (1 + np.cos(np.radians(steep))) / 2, atol=0.02)
+    assert json.loads((tmp_path / "r.json").read_text())["interpolation"]["rmse"] < 0.01
+
+
+def test_what_is_up_counts_for_horizontal_hemispheres(tmp_path):
+    (tmp_path / "slope.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 1\nf 1 2 3 4\n")
+    for up, expected in {"z": (1 + 0.5**0.5) / 2, "x": 0.5}.items():
+        options = "--normals", "up", "--up", up, "--falloff", "binary", "--samples", 4096
+        assert obscurance("bake", tmp_path / "slope.obj", "-o", tmp_path / "w.npy", *options).returncode == 0
+        np.testing.assert_allclose(np.load(tmp_path / "w.npy"), expected, atol=0.01)
+
+
+@pytest.mark.parametrize("normals", ["file", "up"])
+def test_between_cells_of_a_raster_is_nothing_to_warn_of(tmp_path, normals):
+    write(tmp_path / "rough.tif", 3 * np.random.default_rng(1).normal(size=(30, 30)))
+    given = "bake", tmp_path / "rough.tif", "--normals", normals, "--falloff", "binary", "-o"
+    assert "between the vertices" in obscurance(*given, tmp_path / "w.npz").stderr
+    assert obscurance(*given, tmp_path / "sky.tif").stderr == ""
+
+
+@pytest.fixture
+def hilly(tmp_path, monkeypatch):
+    """A raster with a gap, and its w."""
+    monkeypatch.chdir(tmp_path)
+    x = np.arange(40.0)
+    heights = 4 * np.add.outer(np.sin(x / 4), np.cos(x[:30] / 5))
+    heights[3, 4] = NOWHERE
+    write(tmp_path / "dem.tif", heights)
+    sky(tmp_path / "dem.tif")
+    return heights
+
+
+def test_a_result_is_looked_at_on_its_terrain(hilly):
+    done = obscurance("view", "sky.tif", "--mesh", "dem.tif", "-o", "page.html")
+    assert done.returncode == 0, done.stderr
+    with rasterio.open("sky.tif") as file:
+        w, error = (file.read(band)[hilly != NOWHERE] for band in (1, 2))
+    page = Path("page.html").read_bytes()
+    np.testing.assert_allclose(columns_of(page)["w0"] / 65535, w, atol=1e-5)
+    assert facts_of(page)["bakes"][0]["errorTop"] == pytest.approx(error.max())
+    refused(obscurance("view", "sky.tif"), "--mesh with the mesh that sky.tif belongs to")
+    write(Path("other.tif"), hilly[1:])
+    refused(obscurance("view", "sky.tif", "--mesh", "other.tif"), "sky.tif: w: expected 1,169 values", "got 1,199")
+    assert "there is no w in it; it was baked" in obscurance("view", "dem.tif").stderr
+
+
+def test_a_picture_takes_the_result_and_is_not_white(hilly):
+    small = "--width", 96, "--height", 64, "--samples", 16
+    for name, source in {"sky.tif": "dem.tif", "w.npy": "dem.tif"}.items():
+        if name == "w.npy":
+            with rasterio.open("sky.tif") as file:
+                np.save(name, file.read(1)[hilly != NOWHERE])
+        done = obscurance("render", source, "-o", f"{name}.exr", "--baked", name, *small)
+        assert done.returncode == 0, done.stderr
+    ours, arrays = (read_image(Path(f"{name}.exr"))[0]["beauty"] for name in ("sky.tif", "w.npy"))
+    np.testing.assert_array_equal(ours, arrays)
+    refused(
+        obscurance("render", "dem.tif", "-o", "p.png", "--baked", "dem.tif"), "a band called obscurance", "got none"
+    )
+    write(Path("level.tif"), np.zeros((20, 20)))
+    assert obscurance("render", "level.tif", "-o", "level.exr", *small).returncode == 0
+    for name in ("level.exr", "sky.tif.exr"):
+        picture = read_image(Path(name))[0]["beauty"]
+        shown = picture[picture[..., 3] == 1][:, :3]
+        assert 0.15 < shown.mean() < 0.5
+        assert np.quantile(shown, 0.99) < 0.75
+
+
+@pytest.mark.parametrize("output", ["sky.tif", "sky.TIFF", "w.npy"])
+def test_a_profile_needs_a_file_that_holds_one(hilly, output):
+    refused(obscurance("bake", "dem.tif", "-o", output, "--profile"), "--profile needs an output that holds one: .npz")
+    refused(
+        obscurance("falloff", "sky.tif", "--half-distance", "5%", "-o", "w.npy"), "ending in .exr or .glb", "sky.tif"
+    )
