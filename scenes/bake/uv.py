@@ -165,7 +165,9 @@ def unwrap(mesh: Mesh | Any, size: int = 1024, uv: Any = None) -> Float64s:
     try:
         inputs = [uvunwrap.Mesh(np.float32(at).ravel(), np.uint32(faces).ravel()) for _, at, faces in pieces]
         atlas = uvunwrap.generate(inputs, page_size=size, padding=_PADDING)
-    except Exception as reason:
+    except BaseException as reason:  # a panic of Rust is no Exception
+        if not isinstance(reason, Exception) and type(reason).__name__ != "PanicException":
+            raise
         raise MeshError(mesh.source, "faces", "a mesh that uvunwrap can unwrap", reason) from None
     if atlas.page_count > 1:
         got = f"{atlas.page_count} pages of {size} texels; a larger --size may do"

@@ -31,6 +31,10 @@ def read_stl(mesh_input: MeshInput) -> list[Instance]:
         solids = [("", np.frombuffer(data, TRIANGLE, announced, _HEADER)["vertices"].reshape(-1, 3))]
     else:
         solids = _solids(data, mesh_input.source)
+    for name, vertices in solids:
+        if len(vertices) % 3:
+            got = f"{len(vertices):,} vertices in solid {name or mesh_input.name}"
+            raise MeshError(mesh_input.source, "facets", "three vertices in each", got)
     names = [name for name, _ in solids] if len(solids) > 1 else [mesh_input.name]
     return [
         Instance(name, vertices, np.arange(len(vertices)).reshape(-1, 3), up="z")

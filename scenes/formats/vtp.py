@@ -190,6 +190,9 @@ def _instance(document: _Document, piece: ElementTree.Element, mesh_input: MeshI
     normals, w, uv = (
         document.values(columns[column]) if column in columns else None for column in (of_normals, "obscurance", of_uv)
     )
+    if any(column is not None and len(column) != len(points) for column in (normals, w, uv)):
+        raise ValueError("columns of points that are not one row a point")
+    w = None if w is None or w.ndim > 1 else w  # other columns may have that name
     instance = Instance(name, points, triangles.take(corners), normals, notes=triangles.notes, w=w)
     if mesh_input.keep:
         kept = None if uv is None else PerCorner(uv[:, :2].astype(np.float64), corners)

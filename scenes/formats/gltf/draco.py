@@ -44,6 +44,8 @@ def decompressed(asset: Gltf) -> Gltf:
                 plain += stored.tobytes()
                 table = header["accessors"][number]
                 table.pop("byteOffset", None)
+                rows = stored.reshape(len(stored), -1)  # which are rounded, and so are their bounds
+                table |= {bound: getattr(rows, bound)(axis=0).tolist() for bound in ("min", "max") if bound in table}
                 table["bufferView"] = len(header["bufferViews"])
                 header["bufferViews"].append(view)
     if not filled:

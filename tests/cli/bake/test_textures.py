@@ -304,3 +304,21 @@ def test_an_object_without_area_on_its_page_is_refused_before_others_are_written
     (tmp_path / "two.obj").write_text((tmp_path / "two.obj").read_text().replace("o flat", "usemtl flat"))
     refused(obscurance("bake", "two.obj", "-o", "<MATERIAL>.png", "--size", 8), words)
     assert [path.name for path in tmp_path.iterdir()] == ["two.obj"]
+
+
+def test_a_panic_of_the_unwrapping_library_is_one_line(tmp_path, monkeypatch):
+    """It is no Exception; what ends a process is no panic."""
+    library = pytest.importorskip("uvunwrap")
+    kind = type("PanicException", (BaseException,), {})
+
+    def fails(*_, **__):
+        raise kind("index out of bounds")
+
+    monkeypatch.setattr(library, "generate", fails)
+    path = tmp_path / "n.obj"
+    path.write_text(f"{FLAT}f 1/1 2/1 3/1\n")
+    line = "bake", path, "-o", tmp_path / "n.glb", "--uv", "unwrap", "--occlusion", "texture", "--size", 64
+    refused(obscurance(*line), "faces: expected a mesh that uvunwrap can unwrap, got index out of bounds")
+    kind = KeyboardInterrupt
+    with pytest.raises(kind):
+        obscurance(*line)

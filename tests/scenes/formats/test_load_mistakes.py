@@ -56,6 +56,8 @@ from obscurance.scenes.formats.load import load
         ("m.stl", stl(np.empty((0, 3, 3))), "at least one triangle"),
         ("m.stl", stl(VERTICES[FACES])[:-1], "complete ASCII or binary STL"),
         ("m.stl", ascii_stl(("one", VERTICES[FACES]), ("two", VERTICES[FACES]))[:-20], "complete ASCII"),
+        ("m.stl", ascii_stl(("one", VERTICES[FACES])).replace(b"endloop", b"vertex 1 2 3\nendloop", 1),
+         "10 vertices in solid one"),
     ],
 )  # fmt: skip
 def test_mistakes_are_one_line(tmp_path, name, data, expected, capfd):

@@ -64,6 +64,10 @@ PACKED = Writer("binary", "vtkZLibDataCompressor").document()
         (PACKED.replace(b"Float32", b"Object"), "complete and valid VTP file"),
         (PACKED.replace(b'"offsets"', b'"onsets"'), "no 'offsets'"),
         (Writer("ascii").document().replace(b"4 6 9", b"4 2 9"), "offsets of polygons"),
+        (
+            Writer("ascii").document().replace(b"0.5 0.25 0.75 0.0", b"0.5 0.25"),
+            "columns of points that are not one row",
+        ),
         (Writer("ascii").document().replace(b" 0.0 1.0", b" x 1.0", 1), "complete and valid VTP file"),
         (Writer("appended raw").document().replace(b"</VTKFile>", b""), ""),
     ],

@@ -1,0 +1,29 @@
+"""Files of others are drawn evenly, and what is no refusal in one line counts as a fault."""
+
+import subprocess
+
+from benchmarks import foreign
+
+
+def test_files_are_drawn_in_turn_of_origin_and_ending(tmp_path):
+    for name in [*(f"a/{number}.obj" for number in range(9)), "a/deep/x.stl", "b/y.PLY", "b/large.ply", "b/z.txt"]:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("x" * (99 if "large" in name else 9))
+    found = foreign.drawn(tmp_path, 5, seed=1, largest=50)
+    names = [path.relative_to(tmp_path).as_posix() for path in found]
+    assert len(set(names)) == 5
+    assert {names[0][:2], *names[1:3]} == {"a/", "a/deep/x.stl", "b/y.PLY"}
+    assert names == [p.relative_to(tmp_path).as_posix() for p in foreign.drawn(tmp_path, 5, seed=1, largest=50)]
+    assert len(foreign.drawn(tmp_path, 99, seed=1, largest=50)) == 11
+
+
+def test_refusals_and_faults_are_told_apart(tmp_path, monkeypatch):
+    (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    found = foreign.tried(tmp_path / "m.obj")
+    assert found.pop("image") == "refused"  # it has no texture coordinates
+    assert set(found.values()) == {"done"}
+    ended = subprocess.CompletedProcess([], 1, "", "warning: a\nTraceback (most recent call last):\nValueError: b\n")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: ended)
+    assert foreign.tried(tmp_path / "m.obj")["info"].endswith("ValueError: b")
+    assert "view" not in foreign.tried(tmp_path / "m.obj")
