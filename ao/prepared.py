@@ -150,7 +150,7 @@ class Prepared(NamedTuple):
 
     @property
     def scene(self) -> RayScene:
-        """What rays of the bake are traced in."""
+        """The scene that rays of the bake are traced in."""
         receivers = self.receivers
         opacity = receivers.opacity
         if self.options.back_faces == "ignore":

@@ -77,7 +77,7 @@ class Profile:
 
     @property
     def lengths(self) -> dict[str, Any]:
-        """What a file says beside the values: `half_distances`, `radius`, and if there is a limit `max_distance`."""
+        """All but the values, for files: `half_distances`, `radius`, and if there is a limit `max_distance`."""
         limit = {} if math.isinf(self.max_distance) else {"max_distance": self.max_distance}
         return {"half_distances": self.half_distances.tolist(), "radius": self.radius} | limit
 

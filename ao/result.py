@@ -66,7 +66,7 @@ NOWHERE = Interpolation(0.0, 0.0, np.zeros(0, np.int64), np.zeros((0, 3)), np.ze
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Columns:
-    """What a bake by several falloffs, or with a profile, has beside w; see `Bake`."""
+    """Further columns of a bake by several falloffs, or with a profile; see `Bake`."""
 
     others: tuple[AnyFloats, AnyFloats] | None = None  # w and its error (…, k − 1) by every falloff but the first
     rmses: tuple[float, ...] = ()

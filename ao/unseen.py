@@ -22,7 +22,7 @@ def _in_round(progress: Progress, turn: int, done: int, total: int, stage: str) 
 
 
 class Unseen(NamedTuple):
-    """What `unseen_faces` finds.
+    """Faces that are unseen, as `unseen_faces` finds them.
 
     Attributes:
         faces: bool (m,), faces from which no ray has left the mesh, on either side.

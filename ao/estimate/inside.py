@@ -138,8 +138,8 @@ def _solids(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
 
 
 def holes(mesh: Mesh) -> list[str]:
-    """What open edges of a `mesh` mean, in words: edges at which more faces run one way than the other. Vertices at the
-    same place are one."""
+    """A line about open edges of a `mesh` whose thickness is baked, those at which more faces run one way than the
+    other; vertices at the same place are one."""
     corners = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
     a = corners.ravel()
     b = corners[:, [1, 2, 0]].ravel()

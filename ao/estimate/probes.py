@@ -30,7 +30,7 @@ _ENOUGH = 32  # rays from which each point has a lattice of its own, which is mo
 
 
 class Copies:
-    """What is gathered at j sites by rays of their own: how many rays each has, and what they are worth.
+    """Estimates of j sites by rays of their own, with the number of rays of each and what they are worth.
 
     Attributes:
         points: of the sites. elsewhere: whether their places are drawn from all of each site.

@@ -1,4 +1,4 @@
-"""What has one value of a result each: a vertex, a folded vertex, a texel, a face, a point of a cloud."""
+"""Sites: whatever gets one value, a vertex, a folded vertex, a texel, a face, a point of a cloud."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that
 
 @dataclass(frozen=True, eq=False)
 class Sites:
-    """What values are estimated of, k sites, along a curve that keeps neighbours together.
+    """The k sites that get a value each, along a curve that keeps neighbours together.
 
     Attributes:
         points: (k,), where they are, one point of each. neighbours: of all of them.

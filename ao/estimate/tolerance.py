@@ -19,10 +19,12 @@ class ToleranceWarning(UserWarning):
 def shortfalls(
     options: Options, rmse: float, samples: int, kind: str, solid: Mesh, vertices: Float32s
 ) -> tuple[str, ...]:
-    """How a bake with `samples` rays a point falls short of what was asked for, in words, of a tolerance in a warning,
-    too; closed parts of the `solid` that look inwards; and what rays in a `solid` with holes mean for its thickness.
+    """The lines about what the result lacks of what was asked for.
 
-    Args: kind: of the points, in a word. vertices: of the solid and what else occludes, in render space.
+    They name a tolerance that is not met, also in a warning of Python's, closed parts of the `solid` that look inwards,
+    and holes of a `solid` whose thickness is baked.
+
+    Args: samples: rays of the point that has most. kind: of the points, in a word. vertices: of the solid and what else occludes, in render space.
     """
     texts = []
     if options.tolerance is not None and rmse > options.tolerance:

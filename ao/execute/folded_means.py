@@ -13,7 +13,7 @@ from .tracer import Tracer
 
 
 class FoldedMeans(NamedTuple):
-    """What makes a `Tracer` one of vertices some of which are folded."""
+    """`Means` of vertices some of which are folded: those of these are over samples in their corners."""
 
     corners: CornerSamples
     numbers: UInt32s  # (j,), of the folded points, ascending

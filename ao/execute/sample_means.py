@@ -36,7 +36,7 @@ Elsewhere = Callable[[Int64s, Int64s, np.uint32], SurfaceSamples]
 
 
 class SampleMeans(NamedTuple):
-    """What makes a `Tracer` one of sites: its points stand for these, by their numbers."""
+    """`Means` over samples of sites, which the points of a `Tracer` stand for by their numbers."""
 
     samples: SurfaceSamples  # of the first sites; others have none but `elsewhere`
     elsewhere: Elsewhere | None = None  # None: each site is the one place that it has

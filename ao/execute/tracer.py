@@ -85,7 +85,7 @@ class Hemispheres:
 
 
 class Means(Protocol):
-    """What makes rows of sites of which each has several places; see `SampleMeans` and `FoldedMeans`."""
+    """Makes the rows of sites of several places; see `SampleMeans` and `FoldedMeans`."""
 
     def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32, leap: int, elsewhere: bool) -> Float64s:
         """Rows (k, …, COLUMNS) of the sites that `points` stand for, by about so many `rays` each; see `gather`."""

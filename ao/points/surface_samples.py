@@ -124,7 +124,7 @@ class SurfaceSamples:
 
 
 def with_alpha(located: LocatedPoints, opacity: PackedOpacity | None, face: Int64s, barycentric: Float32s) -> Float32s:
-    """What `leave_out_below` takes of points at `barycentric` (k, 3) on faces (k,): normals, alpha, cosines (k, 5)."""
+    """Rows (k, 5) for `leave_out_below` of points at `barycentric` (k, 3) on faces (k,): normals, alpha, cosines."""
     packed = np.empty((len(face), 5), np.float32)
     packed[:, :3] = located.normals
     packed[:, 3] = 1.0

@@ -183,7 +183,7 @@ def list_active(rays, start, stop, out):
 
 @inline
 def is_active(rays, ray):
-    """Whether nothing has ended a ray yet."""
+    """Whether a ray goes on."""
     return rays.active[ray // WIDE] >> (ray % WIDE) & 1 != 0
 
 

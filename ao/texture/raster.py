@@ -24,7 +24,7 @@ _SLACK = 1e-6  # texels, by which rows' ends are taken farther out, before the e
 
 
 class Marks(NamedTuple):
-    """What triangles leave at each of n texels."""
+    """The marks that triangles, scan-converted, leave on n texels."""
 
     triangle: Int32Rows  # (n, POINTS), the first one at each point, −1 for none
     inside: UInt8s  # (n,), a bit for each of the SLOTS points that is inside of a triangle

@@ -57,7 +57,7 @@ class Texels:
 
 @dataclass(frozen=True, eq=False)
 class Cage:
-    """How a page's surface is projected onto a fine mesh."""
+    """The reach, and the groups, by which a page's surface is projected onto a fine mesh."""
 
     reach: float | Mesh  # of `cage_of`
     groups: Groups | None  # of both meshes' vertices

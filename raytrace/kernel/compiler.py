@@ -85,7 +85,7 @@ def intrinsic(signature: Callable[..., Any], emit: Callable[..., Any]) -> Any:
     """Numba's type of a function that writes LLVM's code, as `raytrace.kernel.jit.intrinsic` has it."""
 
     def define(_typing: Any, *kinds: Any) -> Any:
-        """What Numba asks for: the signature for arguments of these types, None for wrong ones, and the code."""
+        """The signature for arguments of these types, None for wrong ones, and the code, as Numba asks for them."""
         typed = signature(*kinds)
         return typed and (typed, lambda context, builder, kinds, values: emit(context, builder, kinds, *values))
 

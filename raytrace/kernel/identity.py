@@ -26,7 +26,7 @@ _OURS = tuple(f"obscurance.{package}." for package in PACKAGES)
 
 
 class Called:
-    """What kernels call; its Numba type is made when one of them is compiled."""
+    """A function that kernels call; its Numba type is made when one of them is compiled."""
 
     def __init__(self, make_type: Callable[[], Any]) -> None:
         self.make_type: Any = make_type

@@ -165,7 +165,7 @@ class Opacity:
         )
 
     def packed(self) -> PackedOpacity | None:
-        """What kernels read, each image once; None if all faces are opaque wherever one looks. Raises: InputError."""
+        """The opacity as kernels read it, each image once; None if all faces are opaque. Raises: InputError."""
         from ..image.texture import WRAPS, texture_alpha
 
         of = self.of.copy()

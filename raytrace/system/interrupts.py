@@ -44,7 +44,7 @@ def raise_interrupt() -> None:
 
 
 def exit_status() -> int:
-    """What a command ends with that was interrupted: 130, or by SIGTERM 143."""
+    """The exit status of a command that was interrupted: 130, or by SIGTERM 143."""
     return 128 + _received[-1]
 
 

@@ -132,7 +132,7 @@ class Parameters:
 
 
 def made_of(data: Any, kinds: Iterable[type[P]], tag: str, source: str) -> P:
-    """One of `kinds` from plain values: that whose field `tag` has by default what these have. Raises: OptionError."""
+    """An object of that of `kinds` whose default of the field `tag` plain values name. Raises: OptionError."""
     if not isinstance(data, Mapping):
         raise OptionError(source, "a table of names and values", repr(data), "value")
     if tag not in data:

@@ -40,7 +40,7 @@ _MISSING: Any = object()
 
 
 class Words(str):
-    """What a message says in place of a value, such as "nothing"; shown without quotes."""
+    """Words of a message in place of a value, such as "nothing"; shown without quotes."""
 
 
 class Fault(Exception):
@@ -83,7 +83,7 @@ _ANY = {float: Within(-inf, inf, "()", "a finite number"), int: Within(-inf, inf
 
 
 class Before(NamedTuple):
-    """A function that makes of a value the one that is read."""
+    """A function that is applied to a value before it is read."""
 
     make: Read
 

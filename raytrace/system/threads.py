@@ -158,7 +158,7 @@ class _Team:
         self._wake()
 
     def dismiss(self, call: _Call) -> None:
-        """End what `ask` began: threads that have not come are not to come."""
+        """Withdraw what `ask` began: threads that have not started never will."""
         with self._lock:
             self._wanted.pop(call, None)
             self._asked = deque(other for other in self._asked if other is not call)

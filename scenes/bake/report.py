@@ -22,7 +22,7 @@ _MOST = 1 << 28  # bytes; anything larger is no report
 
 
 class OutputSummary(NamedTuple):
-    """What was made of a plan, or one page of it."""
+    """The summary of a bake, or of one page of it."""
 
     text: str  # a line or several
     warnings: list[str]  # which have been printed

@@ -21,7 +21,7 @@ _OPTIONS = ("options", "render")  # what errors about options of the command nam
 
 
 def fault_in_words(fault: Any, app: Any, arguments: Sequence[str]) -> str:
-    """What an exception says, with options by their names. Args: app: all commands. arguments: what was typed."""
+    """The words of an exception, with options by their names. Args: app: all commands. arguments: as typed."""
     command = app.commands.get(arguments[0]) if arguments else None
     if isinstance(fault, InputError):
         return _option_in_words(fault, command)

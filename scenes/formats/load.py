@@ -108,7 +108,7 @@ class MeshFile(NamedTuple):
         return with_hard_edges(self.mesh)
 
     def baked_mesh(self, count: int) -> Mesh:
-        """What a bake of `count` vertices is of, `mesh` or `split`. Raises: OptionError: neither."""
+        """The mesh of a bake of `count` vertices, `mesh` or `split`. Raises: OptionError: neither."""
         mesh = self.mesh if count == len(self.mesh.vertices) else self.split
         if count != len(mesh.vertices):
             raise OptionError("bake", f"w of the {len(self.mesh.vertices):,} vertices of {self.path}", f"{count:,}")

@@ -25,7 +25,7 @@ _LISTED = 8  # names in a message
 
 
 class ObjectSelection(NamedTuple):
-    """What is baked of a mesh file."""
+    """The part of a mesh file that is baked."""
 
     mesh: Mesh  # with as many faces; those of excluded objects have no area, those that do not occlude alpha 0
     receive: Bools  # (m,), the faces of objects that get w

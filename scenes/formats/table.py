@@ -35,7 +35,7 @@ class Channels(NamedTuple):
 
 
 class FileFormat(NamedTuple):
-    """What one ending of file names stands for. Functions are texts for `pkgutil.resolve_name`."""
+    """The format of one ending of file names. Functions are texts for `pkgutil.resolve_name`."""
 
     ending: str  # of files, in lower case
     name: str

@@ -102,7 +102,7 @@ class Element:
 
 
 class SourceAttributes(NamedTuple):
-    """What a mesh file holds beside the mesh.
+    """The contents of a mesh file beside the mesh.
 
     All arrays go by the file's own vertices and polygons, whose order the mesh has too.
     """

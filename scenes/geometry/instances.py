@@ -44,7 +44,7 @@ class Instance(NamedTuple):
 
     @property
     def volume(self) -> float:
-        """What the matrix makes of a volume of 1; below 0 if it mirrors."""
+        """The determinant of the matrix, by which volumes grow; below 0 if it mirrors."""
         return 1.0 if self.matrix is None else float(np.linalg.det(self.matrix[:3, :3]))
 
     @property
@@ -140,7 +140,7 @@ def _parts(instances: Sequence[Instance]) -> tuple[Submesh, ...]:
 
 
 def joined_attributes(instances: Sequence[Instance]) -> SourceAttributes | None:
-    """What is kept beside the mesh that `flatten` makes; None where an object has nothing."""
+    """The attributes kept beside the mesh that `flatten` makes; None where an object has none."""
     attributes = []
     for placed in instances:
         own_attributes = placed.attributes
