@@ -24,7 +24,8 @@ def shortfalls(
     They name a tolerance that is not met, also in a warning of Python's, closed parts of the `solid` that look inwards,
     and holes of a `solid` whose thickness is baked.
 
-    Args: samples: rays of the point that has most. kind: of the points, in a word. vertices: of the solid and what else occludes, in render space.
+    Args: samples: rays of the point that has most. kind: of the points, in a word. vertices: of the solid and what
+        else occludes, in render space.
     """
     texts = []
     if options.tolerance is not None and rmse > options.tolerance:
