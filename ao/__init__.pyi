@@ -1,6 +1,5 @@
 # The public names, imported when first used; type checkers read them here, and so does the package.
 from .baking import bake as bake
-from .estimate.tolerance import ToleranceWarning as ToleranceWarning
 from .falloff import Binary as Binary
 from .falloff import Exponential as Exponential
 from .falloff import Falloff as Falloff
@@ -14,6 +13,7 @@ from .prepared import PreparedMesh as PreparedMesh
 from .prepared import prepare as prepare
 from .profile import Profile as Profile
 from .result import Bake as Bake
+from .result import ToleranceWarning as ToleranceWarning
 from .texture.bake_texture import bake_texture as bake_texture
 from .texture.result import BakedTexture as BakedTexture
 from .unseen import Unseen as Unseen

@@ -17,9 +17,8 @@ from .declared import known_names, options_record
 from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.sites import FOLDED, ONE_PLACE, Sites
-from .estimate.tolerance import shortfalls
-from .execute.folded_means import FoldedMeans
 from .execute.kept import Kept
+from .execute.sample_means import FoldedMeans
 from .execute.tracer import Progress
 from .falloff import Falloffs, Length
 from .interpolation_error import measure_interpolation
@@ -37,7 +36,7 @@ from .options import (
 from .points.occluders import occluding
 from .points.receivers import Flag
 from .prepared import Inputs, Prepared
-from .result import Bake, Interpolation, PointValues, assemble, baked_vertices
+from .result import Bake, Interpolation, PointValues, assemble, baked_vertices, shortfalls
 
 _CORNER_SHARE = 8  # of a vertex's rays, for each of some 18 corner samples, whose mean errs as much as a vertex's w
 _CORNER_SHARE_DENOISED = 3  # where other vertices are denoised

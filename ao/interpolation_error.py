@@ -8,11 +8,10 @@ import numpy as np
 from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.raytrace.ray_origins.origins import ray_offset
 from obscurance.raytrace.ray_origins.surface import Surface
-from obscurance.raytrace.sampling import hash32_array
+from obscurance.raytrace.sampling import derive, hash32_array
 from obscurance.raytrace.types import Float32s, Float64s, Int64s
 
 from .estimate.inside import inside_solids
-from .estimate.sampling_error import derive
 from .execute.tracer import Tracer
 from .points.points import Points
 from .points.smooth_surface import LocatedPoints, SmoothSurface, VertexAxes

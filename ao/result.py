@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,11 +16,13 @@ from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.kernel.vector import dot, load, store
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.normals import normalized
+from obscurance.raytrace.mesh.solids import inward_warnings
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64Rows, Float64s, Int64s, UInt8s
 
 from .estimate.calibration import Calibration
-from .estimate.tolerance import Estimate
+from .estimate.inside import holes
+from .estimate.rounds import Estimate
 from .mu import Mu
 from .options import OCTAVES, Options
 from .points.receivers import Flag
@@ -30,6 +33,10 @@ if TYPE_CHECKING:
 
 VISIBLE = 0.05  # 2.5 of 100 in the lightness of greys, which is noticed beside the right value
 _REASONS = "duplicate", "no_normal", "not_wanted", "below_face", "predicted", "hidden"
+
+
+class ToleranceWarning(UserWarning):
+    """A bake's estimated error exceeds the tolerance asked for."""
 
 
 class Interpolation(NamedTuple):
@@ -306,3 +313,24 @@ def of_columns(options: Options, mus: Sequence[Mu], columns: Sequence[AnyFloats]
         further["profile"] = Profile(lengths, kept, lengths[0] / OCTAVES[0], mus[-1].max_distance)
         further["profile_errors"] = errors[..., listed:].astype(np.float32)
     return further
+
+
+def shortfalls(
+    options: Options, rmse: float, samples: int, kind: str, solid: Mesh, vertices: Float32s
+) -> tuple[str, ...]:
+    """The lines about what the result lacks of what was asked for.
+
+    They name a tolerance that is not met, also in a warning of Python's, closed parts of the `solid` that look inwards,
+    and holes of a `solid` whose thickness is baked.
+
+    Args: samples: rays of the point that has most. kind: of the points, in a word. vertices: of the solid and what
+        else occludes, in render space.
+    """
+    texts = []
+    if options.tolerance is not None and rmse > options.tolerance:
+        reason = f": {samples:,} rays a {kind} were allowed" if samples >= options.rays else ""
+        texts = [f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"]
+        warnings.warn(texts[0], ToleranceWarning, stacklevel=5)  # whoever called `ao.bake`
+    if options.thickness:
+        return (*texts, *holes(solid))
+    return (*texts, *inward_warnings(solid, vertices[: len(solid.vertices)]))

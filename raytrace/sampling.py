@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .kernel.jit import inline
-from .types import Float64s, UInt32s
+from .types import Float64s, Int64s, UInt32s
 
 GOLDEN = (5**0.5 - 1) / 2
 LEAPED = 0.36038
@@ -48,6 +48,22 @@ def seed_key(seed: int) -> np.uint32:
     low = hash32_array([seed & 0xFFFFFFFF])
     high = np.uint32(seed >> 32)
     return np.uint32(hash32_array(low ^ high)[0])
+
+
+def derive(key: np.uint32, salt: int) -> np.uint32:
+    """A key of directions that are independent of the directions of `key`."""
+    return np.uint32(hash32_array(hash32_array([salt]) ^ key)[0])
+
+
+def stratified_rows(count: int, wanted: int, salt: int = 0) -> Int64s:
+    """`wanted` of `count` rows, one from each equal stretch of Morton order, all if there are no more; ascending.
+
+    Args: salt: of the choice in each stretch.
+    """
+    wanted = min(count, wanted)
+    bounds = np.arange(wanted + 1) * count // max(wanted, 1)
+    chance = np.ldexp(hash32_array(np.arange(wanted, dtype=np.uint32) ^ np.uint32(salt)).astype(np.float64), -32)
+    return bounds[:-1] + (chance * np.diff(bounds)).astype(np.int64)
 
 
 def sobol(count: int) -> UInt32s:

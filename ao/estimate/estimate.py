@@ -5,7 +5,7 @@ Sites are traced, and those inside solids get the values of the nearest sites ou
 
 import numpy as np
 
-from obscurance.raytrace.sampling import seed_key
+from obscurance.raytrace.sampling import derive, seed_key
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import Bools, Int32Rows, Int32s, Int64Rows, Int64s
 
@@ -14,10 +14,9 @@ from ..options import Options
 from ..points.points import Points
 from .cells import Cells, nearest_baked
 from .one_ring import Neighbours
-from .rounds import by_rays, to_tolerance
-from .sampling_error import derive, rays_alone
+from .ray_plan import rays_alone
+from .rounds import Estimate, by_rays, to_tolerance
 from .sites import Sites
-from .tolerance import Estimate
 from .upsampling import extrapolate
 
 

@@ -10,7 +10,7 @@ from obscurance.raytrace.kernel.arrays import aligned
 from obscurance.raytrace.kernel.simd import WIDE, load_row, load_short_row, multiply_add, select, store_short_row
 from obscurance.raytrace.system.parallel import each, parallel
 from obscurance.raytrace.system.threads import run_blocks
-from obscurance.raytrace.types import Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
+from obscurance.raytrace.types import AnyInts, Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
 
 Block = Callable[[int, int], None]
 _NOTHING = np.float32(1e-6)  # of weight
@@ -37,6 +37,17 @@ class Neighbours:
         ends = np.empty(listed[-1], np.int32)
         _list_ends.on(threads)(faces, listed[:-1].copy(), ends)
         return cls.weighted(*cls.merged(listed, ends, threads).ring, normals, threads)
+
+    @classmethod
+    def linked(cls, here: AnyInts, there: AnyInts, normals: Float32s, threads: int) -> Self:
+        """Points joined by links from `here` (l,) to `there` (l,), both ways. Args: normals: float32 (k, 3), unit."""
+        count = len(normals)
+        one, other = np.asarray(here, np.int64), np.asarray(there, np.int64)
+        ends = np.sort(np.concatenate([one * count + other, other * count + one]))
+        rows, indices = np.divmod(ends[np.append(True, ends[1:] != ends[:-1])[: len(ends)]], count)
+        rows, indices = rows[rows != indices], indices[rows != indices].astype(np.int32)
+        starts = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
+        return cls.weighted(starts, indices, np.ones(len(indices), np.float32), normals, threads)
 
     @classmethod
     def merged(cls, listed: Int64s, ends: Int32s, threads: int) -> Self:

@@ -10,6 +10,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from obscurance.raytrace.sampling import derive, stratified_rows
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64Rows, Float64s, Int64s
 
@@ -17,7 +18,7 @@ from ..execute.tracer import Tracer
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, COLUMNS, W
 from .calibration import Calibration, calibration_factor, mean_square
-from .sampling_error import BATCH, RATE, derive, sampling_variance, stratified_rows
+from .ray_plan import BATCH, RATE, sampling_variance
 from .sites import KINDS, SEVERAL_PLACES, Sites
 
 _LARGEST = 0.05  # part of the sites that count as largest errors

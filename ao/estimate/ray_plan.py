@@ -1,4 +1,4 @@
-"""How many rays points get: at first, and more by the error that is left, for the least work."""
+"""How many rays points get, at first and by the error that is left, for the least work; what rays alone err by."""
 
 import numpy as np
 
@@ -6,8 +6,10 @@ from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import Float32s, Float64s, Int64s
 
 from .one_ring import Neighbours
-from .sampling_error import BATCH, RATE
 
+BATCH = 4  # rays are added in multiples of it
+RATE = 1.5  # the variance of n rays falls as n^−1.5
+TYPICAL, PRIOR = 0.09, 8  # variance of n rays · n^1.5, and how many points this prior is worth: a few may agree by luck
 _FIRST, _FEWEST = 0.048, 8  # rays at first, times the tolerance, and at least: with fewer, single jumps stay unseen
 FEW_POINTS, _PLENTY = 1 << 15, 0.64  # rays of few points together at first, but of each at most so many / tolerance
 _SHARED = 0.2  # variance of a neighbours' mean, relative to one neighbour's
@@ -18,6 +20,18 @@ _WORK = 0.6  # the time that n rays of a point take grows as n^.6, for the rays 
 _STEPS = np.array([0, 1, *(k << power for power in range(16) for k in (2, 3))])  # batches that a round may add
 _SAMPLED = 1 << 14  # points by which rays are planned
 _LEAST = 1e-12  # of squared errors that rays are planned for
+
+
+def sampling_variance(one: Float64s, other: Float64s, rays: int) -> float:
+    """Mean square error of either of two independent estimates (k,) with `rays` rays a point."""
+    halves = float(np.sum((one - other) ** 2)) / 2
+    return float((halves + PRIOR * TYPICAL * rays**-RATE) / (len(one) + PRIOR))
+
+
+def rays_alone(tolerance: float) -> int:
+    """Rays by which a point errs by the `tolerance` without help from other points'."""
+    enough = float(TYPICAL / tolerance**2) ** (1 / RATE)
+    return int(BATCH * max(round(enough / BATCH), 1))
 
 
 def first_rays(tolerance: float, count: int) -> int:

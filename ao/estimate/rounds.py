@@ -10,6 +10,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from obscurance.raytrace.sampling import derive, stratified_rows
 from obscurance.raytrace.types import AnyFloats, Bools, Float64s, Int64s
 
 from ..execute.tracer import Tracer
@@ -17,11 +18,9 @@ from ..rays.gather import BATCH_VARIANCE, BENT, W
 from .calibration import Calibration, distribute_variance, mean_square, shrunk_to_mean
 from .cells import around
 from .probes import Checks, Copies, Probes
-from .ray_plan import FEW_POINTS, fall_of, first_rays, rays_to_add
-from .sampling_error import BATCH, RATE, TYPICAL, derive, rays_alone, stratified_rows
+from .ray_plan import BATCH, FEW_POINTS, RATE, TYPICAL, fall_of, first_rays, rays_alone, rays_to_add
 from .scales import denoise_over_scales
 from .sites import ONE_PLACE, PREDICTED, SEVERAL_PLACES, Sites
-from .tolerance import Estimate
 
 _AIM = 0.83  # times the goal is aimed at: another round for few rays takes as long as many rays now
 _NEARLY = 0.97  # the same where little is missing, which is foreseen well
@@ -39,6 +38,25 @@ _PROBED, _FEWEST, _MOST = 16, 96, 1024  # one site in how many is probed, at lea
 _LEAST = 64  # spread probes of each of two sets, if so many are no more than half of the sites
 _MORE, _AS_MANY = 0.25, 1.0  # probes of the largest errors, to the other probes; where sites have several places
 _CHECKED, _CHECKED_LEAST = 64, 128  # the same where all sites have as many rays
+
+
+class Estimate(NamedTuple):
+    """Values of points, and their errors."""
+
+    values: Float64s  # (k, 4), w and the mean of μ·direction (x, y, z)
+    variance: Float64s  # (k,), mean square error of w expected
+    samples: int  # rays of the point that has most
+    spared: int = 0  # rays that the other points have fewer than it, in all
+    calibration: Calibration | None = None  # of the variances, at some of the points
+
+    @property
+    def mean_samples(self) -> int:
+        """Rays of a point in the mean."""
+        return self.samples - self.spared // max(len(self.values), 1)
+
+    def skipped(self, hidden: int) -> dict[str, int]:
+        """Rays not traced, by reason. Args: hidden: number of points inside solids."""
+        return {"predicted": self.spared, "hidden": self.samples * hidden}
 
 
 class Round(NamedTuple):

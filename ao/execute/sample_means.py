@@ -18,10 +18,11 @@ from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import Float32s, Float64Rows, Float64s, Int64s, UInt32s
 
+from ..points.corners import CornerSamples
 from ..points.points import Points
 from ..points.surface_samples import SurfaceSamples
 from ..rays.below_face import leave_out_below
-from ..rays.gather import BATCH_VARIANCE, COLUMNS, W
+from ..rays.gather import BATCH_VARIANCE, BENT, COLUMNS, W
 from ..rays.ray_scene import RayScene
 from .tracer import Hemispheres, Tracer
 from .work import Outputs
@@ -102,6 +103,35 @@ class SampleMeans(NamedTuple):
                 normals = samples.geometric_normals.take(source, axis=0)
                 hemispheres = tracer.hemispheres(points, -(-rays // count), key, leap=count)
                 (out[block],) = tracer.fill(MeansOfGroups(hemispheres, count, normals))
+        return out
+
+
+class FoldedMeans(NamedTuple):
+    """`Means` of vertices some of which are folded: those of these are over samples in their corners."""
+
+    corners: CornerSamples
+    numbers: UInt32s  # (j,), of the folded points, ascending
+    share: int  # of a vertex's rays, for each of some 18 corner samples: their mean errs as little by fewer each
+
+    def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32, leap: int, _: bool) -> Float64s:
+        """Rows (k, …, COLUMNS); see `Tracer.gather`. The places of a vertex are all that it stands for."""
+        at = np.searchsorted(self.numbers, points.numbers)
+        folded = np.append(self.numbers, 0)[at] == points.numbers
+        folded &= at < len(self.numbers)
+        if not folded.any():
+            return tracer.fill(tracer.hemispheres(points, rays, key, leap))[0]
+        out = np.empty((len(points), tracer.columns, COLUMNS))
+        others = tracer.fill(tracer.hemispheres(points[~folded], rays, key, leap))[0]
+        out[~folded] = others.reshape(-1, tracer.columns, COLUMNS)
+        # A falloff at a time: means over the samples of each vertex.
+        corners = self.corners.only(self.corners.point_rows[at[folded]])
+        samples = tracer.fill(tracer.hemispheres(corners.points, -(-rays // self.share), key, 1))[0]
+        for column, gathered in enumerate(np.moveaxis(samples.reshape(-1, tracer.columns, COLUMNS), 1, 0)):
+            means = np.empty((len(corners), COLUMNS))
+            means[:, W] = corners.mean(gathered[:, :1])[:, 0]
+            means[:, BATCH_VARIANCE] = corners.variance(gathered[:, BATCH_VARIANCE])
+            means[:, BENT:] = corners.mean_direction(gathered[:, BENT:])
+            out[folded, column] = means
         return out
 
 

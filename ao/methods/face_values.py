@@ -5,13 +5,12 @@ import numpy as np
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import face_normals
-from obscurance.raytrace.sampling import hash32_array
+from obscurance.raytrace.sampling import derive, hash32_array
 from obscurance.raytrace.types import Bools, Float32s, Float64s, Int64s
 
 from ..estimate.estimate import estimate_outside
 from ..estimate.inside import inside_solids
 from ..estimate.one_ring import Neighbours
-from ..estimate.sampling_error import derive
 from ..estimate.sites import SEVERAL_PLACES, Sites
 from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
@@ -20,7 +19,6 @@ from ..points.smooth_surface import PointGroups, SmoothSurface, VertexAxes
 from ..points.surface_samples import SurfaceSamples
 from ..prepared import Prepared
 from ..result import BakedElements, PointValues
-from .links import linked
 
 _SAMPLES = 1 << 16  # of all faces together, by area, where there are few
 _LEAST, _MOST = 1, 6  # subdivisions of a face into four, with a sample in each triangle
@@ -167,4 +165,4 @@ def _neighbours(corners: Int64s, normals: Float32s, threads: int) -> Neighbours:
     edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)
     is_same = (edges[order[1:]] == edges[order[:-1]]).all(axis=1)
-    return linked(order[:-1][is_same] // 3, order[1:][is_same] // 3, normals, threads)
+    return Neighbours.linked(order[:-1][is_same] // 3, order[1:][is_same] // 3, normals, threads)

@@ -20,16 +20,15 @@ from obscurance.raytrace.types import Bools, Float64s, Int32s, UInt8s
 
 from ..declared import known_names
 from ..estimate.estimate import estimate
+from ..estimate.one_ring import Neighbours
 from ..estimate.sites import ONE_PLACE, Sites
-from ..estimate.tolerance import shortfalls
 from ..execute.tracer import Progress
 from ..falloff import Falloffs
 from ..options import BackFaces, Options
 from ..points.points import Points
 from ..points.receivers import Flag
 from ..prepared import Prepared
-from ..result import Bake, BakedElements, PointValues, assemble
-from .links import linked
+from ..result import Bake, BakedElements, PointValues, assemble, shortfalls
 
 _NEIGHBOURS = 6  # of a point, over which it is denoised, and to the last of which a disc reaches
 _LIFT = 0.5  # of a disc's radius, from which rays of its point start at most: neighbours' discs are below that
@@ -102,7 +101,7 @@ def bake_points(
     tracer = prepared.tracer(len(order))
     near = cKDTree(places[order]).query(places[order], min(_NEIGHBOURS + 1, len(order)), workers=prepared.threads)[1]
     rows = np.repeat(np.arange(len(order)), near.size // max(len(order), 1))
-    sites = Sites.alike(baked, linked(rows, near.ravel(), baked.normals, prepared.threads), ONE_PLACE)
+    sites = Sites.alike(baked, Neighbours.linked(rows, near.ravel(), baked.normals, prepared.threads), ONE_PLACE)
     # Their estimates, in the order of the arguments.
     values = PointValues.of(estimate(tracer, sites, checked), 0, tracer.rays, doubts[order])
     row = np.full(len(places), -1)

@@ -16,7 +16,6 @@ from obscurance.raytrace.types import Float64s, Int64s
 from ..declared import Option, known_names, options_record
 from ..estimate.estimate import estimate
 from ..estimate.sites import Sites
-from ..estimate.tolerance import shortfalls
 from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
 from ..execute.tracer import Progress
@@ -26,7 +25,7 @@ from ..options import BackFaces, BentSpace, Interior, Normals, Overlap, TextureO
 from ..points.occluders import occluding
 from ..points.projection import cage_of
 from ..prepared import Inputs, Prepared
-from ..result import of_columns
+from ..result import of_columns, shortfalls
 from .adjacency import texel_neighbours
 from .coverage import Page
 from .result import BakedTexture, PageAssembly, TextureFacts

@@ -16,7 +16,7 @@ from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import BoolRows, Bools, Float32Rows, Float32s, Float64Grid, Float64Rows, Float64s, Int64s
 
 from ..estimate.calibration import Calibration
-from ..estimate.tolerance import Estimate
+from ..estimate.rounds import Estimate
 from ..mu import Mu
 from ..result import Columns
 from .texels import Texels

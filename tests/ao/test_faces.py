@@ -8,9 +8,9 @@ import trimesh
 from meshes import hills
 
 from obscurance import ao
-from obscurance.ao.estimate.sampling_error import stratified_rows
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.errors import ConflictError
+from obscurance.raytrace.sampling import stratified_rows
 from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 PERPENDICULAR_SQUARES = 0.2000438  # form factor of unit squares with an edge in common

@@ -115,7 +115,6 @@ ONE_EACH = ("raytrace.brdf.models", "scenes.formats", "scenes.commands")
 """Folders where a file is a model, a format or a command: as short as that is, and as many as there are."""
 SHORT = {
     *("raytrace.settings", "raytrace.kernel.arrays", "raytrace.system.entry_points", "scenes.description.read"),
-    *("ao.methods.links", "ao.estimate.sampling_error", "ao.estimate.tolerance", "ao.execute.folded_means"),
     "ao.rays.ray_scene",
 }
 """Others below 60 lines, found by their names, that belong into no larger file."""

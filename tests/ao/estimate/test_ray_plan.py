@@ -7,8 +7,7 @@ import pytest
 from meshes import hills
 
 from obscurance import ao
-from obscurance.ao.estimate.ray_plan import rays_to_add
-from obscurance.ao.estimate.sampling_error import RATE
+from obscurance.ao.estimate.ray_plan import RATE, rays_to_add
 from obscurance.raytrace import Mesh
 
 
