@@ -285,13 +285,17 @@ def _pilot_error(own: Copies, rows: Int64s, patch: Sites, checks: Checks, column
 
 
 def _with_more_traced(round_: Round, measuring: Probes, goal: float) -> tuple[Sites, Int64s]:
-    """The sites with those traced whose predictions err by too much as measured, and which these are."""
+    """The sites with those traced whose predictions err by too much as measured, and which these are.
+
+    What the sites err by from which they are predicted is not the predictions' fault: more rays bring it down.
+    """
     sites = round_.sites
-    squared, deviation = round_.measured(PREDICTED, measuring)
-    if squared < goal / 2 or squared < deviation:
+    (squared, deviation), (own, own_deviation) = (round_.measured(kind, measuring) for kind in (PREDICTED, ONE_PLACE))
+    excess = squared - max(own, 0.0)
+    if excess < max(goal / 2, np.hypot(deviation, own_deviation)):
         return sites, np.zeros(0, np.int64)
     predicted = np.flatnonzero(sites.kinds == PREDICTED)
-    if squared < _WORST * goal:
+    if excess < _WORST * goal:
         error = round_.error[predicted]
         predicted = predicted[error >= np.median(error)]
     return sites.broken(predicted)
@@ -305,10 +309,10 @@ def _more_rays(rounds: list[Round], own: Copies, goal: float, max_samples: int, 
     beyond = most.mean / goal
     farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
     aim = goal * (max(_AIM, _NEARLY / np.sqrt(beyond)) if beyond < farthest else beyond ** (2 / 3))
-    if sites.cell is not None:  # rays change little of what predicted sites err by
-        others = float(error[sites.kinds == PREDICTED].sum()) / len(sites)
-        aim = max(aim - others, aim / 4) * len(sites) / len(sites.traced_points)
+    if sites.cell is not None:  # rays change nothing of what predicted sites err by more than those that predict them
+        excess = max(float(np.sum(most.error - most.error[sites.cell])), 0.0) / len(sites)
         error = error[sites.traced]
+        aim = float(np.mean(error)) * min(max(aim - excess, aim / 4) / max(most.mean - excess, 1e-300), 1.0)
     fall = RATE
     if denoise:
         missing = max(most.mean if sites.cell is None else float(np.mean(error)), aim)

@@ -143,7 +143,7 @@ def test_arguments_out_of_range_are_named(colonnade, field, value):
         ao.bake(colonnade, **{field: value})
 
 
-@pytest.mark.parametrize("option", [{"denoise": False}, {"interior": "fill"}])
+@pytest.mark.parametrize("option", [{"back_faces": "ignore"}, {"interior": "fill"}])
 def test_the_surface_method_refuses_options_of_the_vertex_method(colonnade, option):
     (name,) = option
     with pytest.raises(OptionError, match=f"{name}=.* does not go with method='surface'"):

@@ -94,8 +94,8 @@ COMMANDS = [
     ("bake a.ply -o w.npy --tolerance 0", "bake --tolerance: expected a number in [1e-5, 1], got 0"),
     ("bake a.ply -o w.npy --tolerance 1%", "bake --tolerance: expected a number, got 1%"),
     (
-        "bake a.ply -o w.npy --tolerance .1 --no-denoise",
-        "bake: --no-denoise does not go with --tolerance; see obscurance bake --help",
+        "bake a.ply -o w.npy --thickness --interior fill",
+        "bake: --thickness does not go with --interior fill; see obscurance bake --help",
     ),
     (
         "bake a.ply -o w.npy --falloff exp",
