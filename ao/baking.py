@@ -18,7 +18,6 @@ from .estimate.estimate import edges_of, estimate_outside
 from .estimate.inside import inside_solids
 from .estimate.sites import FOLDED, ONE_PLACE, Sites
 from .execute.kept import Kept
-from .execute.sample_means import FoldedMeans
 from .execute.tracer import Progress
 from .falloff import Falloffs, Length
 from .interpolation_error import measure_interpolation
@@ -237,6 +236,8 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     sites = Sites.alike(points, edges_of(points, point, receivers.faces, tracer.threads), ONE_PLACE)
     corners = receivers.corners
     if len(corners):
+        from .execute.sample_means import FoldedMeans
+
         sites.kinds[corners.point_rows] = FOLDED
         share = _CORNER_SHARE if options.tolerance is None else _CORNER_SHARE_DENOISED
         tracer.means = FoldedMeans(corners, points.numbers[corners.point_rows], share)

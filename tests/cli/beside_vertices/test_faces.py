@@ -1,5 +1,7 @@
 """`--at faces` and `--both-sides` by the command."""
 
+import json
+
 import numpy as np
 import pytest
 from command import obscurance, refused
@@ -46,10 +48,22 @@ def test_arrays_have_a_row_a_triangle_and_ply_a_property_of_polygons(quads):
         (("--at", "faces", "-o", "w.png"), "--at does not go with a texture"),
         (("--both-sides", "-o", "w.obj"), "--both-sides needs an output that ends in .npy .npz .ply"),
         (("--at", "faces", "--method", "surface", "-o", "w.npy"), "--at faces does not go with --method surface"),
-        (("--at", "faces", "--report", "r.html", "-o", "w.npy"), "--at and --report exclude each other"),
+        (("--at", "faces", "--debug-image", "d.png", "-o", "w.npy"), "--at and --debug-image exclude each other"),
         (("--at", "corners", "-o", "w.npy"), "corners"),
     ],
 )
 def test_what_is_refused(quads, options, line):
     refused(obscurance("bake", "quads.obj", *options), line)
     assert {path.name for path in quads.iterdir()} == {"quads.obj"}
+
+
+def test_reports_count_faces_and_show_one_grey_on_each(quads):
+    for name in ("r.json", "r.html"):
+        assert bake("-o", "w.npy", "-q", "--report", name).returncode == 0
+    report, w = json.loads((quads / "r.json").read_text()), np.load("w.npy")
+    assert report["faces"] == len(w) == 4
+    assert "vertices" not in report
+    assert report["w"]["least"] == pytest.approx(w.min(), abs=1e-6)
+    page = (quads / "r.html").read_text()
+    assert "4 faces" in page
+    assert page.count("data:image/png") == 3
