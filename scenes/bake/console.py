@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING
 
 from obscurance.raytrace.errors import LINE, printable
 
-from ..show.report.verdict import COARSE, flags_in_words
-
 if TYPE_CHECKING:
     from obscurance import ao
     from obscurance.raytrace.mesh.mesh import Mesh
@@ -125,6 +123,8 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
     """
     from obscurance.raytrace.mesh.warnings import outlier_warnings, precision_warnings
 
+    from ..show.report.verdict import COARSE
+
     distinct = {id(mesh): mesh for mesh in meshes}.values()
     warnings = list(dict.fromkeys(warning for mesh in distinct for warning in precision_warnings(mesh)))
     if falloff and len({(mu.max_distance, mu.tau) for mu in map(falloff.resolve, (1.0, 2.0))}) > 1:
@@ -139,6 +139,8 @@ def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff
 
 def bake_summary(baked: ao.Bake, target: Path) -> str:
     """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
+    from ..show.report.verdict import flags_in_words
+
     took = f"{_took(baked)}, estimated RMSE {baked.rmse:.4f}"
     text = f"{printable(str(target))}: {len(baked.w):,} {baked.at}, {baked.rays:,} rays traced {took}"
     flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped, baked.at)
