@@ -22,7 +22,7 @@ from .ray_plan import BATCH, RATE, sampling_variance
 from .sites import KINDS, SEVERAL_PLACES, Sites
 
 _LARGEST = 0.05  # part of the sites that count as largest errors
-_SAMPLED = 1 << 14  # sites by which the largest errors are told from others
+_SAMPLED = 1 << 14  # sites by which the largest errors are found
 _MARGIN = 10.0  # times one by the number of probes
 _PRIOR = 64  # probes that what is expected of their noise is worth
 _GROWN = 1.25  # times as many rays a site must have as its probe for the probe to get more
@@ -218,7 +218,7 @@ class Probes:
         # Few sites may have most of the error, and be missed.
         variance = float(self._weights**2 @ ((measured - mean) ** 2 + 2 * mean_square(error)))
         expected_mean = float(np.mean(error))
-        told = expected_mean * calibration_factor(expected_mean, mean, variance)
+        calibrated = expected_mean * calibration_factor(expected_mean, mean, variance)
         group = sites.kinds + np.uint8(KINDS) * self._has_large_error
         for number in np.flatnonzero(np.bincount(group[self.rows])).tolist():
             members = group == number
@@ -230,7 +230,7 @@ class Probes:
                 error[members] *= calibration_factor(
                     float(np.mean(expected)), float(np.mean(measured[probed])), scatter / len(expected)
                 )
-        error *= told / max(float(np.mean(error)), 1e-300)
+        error *= calibrated / max(float(np.mean(error)), 1e-300)
         return Calibration(error[self.rows], measured, len(error) * self._weights)
 
 

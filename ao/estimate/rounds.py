@@ -89,7 +89,7 @@ class Round(NamedTuple):
             _leave_out_harm(sites, checks, raw, variance, w, error)
         return cls(column, sites, gathered, level, w, sites.errors_at_all(error, w))
 
-    def told(self, measuring: Probes) -> Self:
+    def calibrated(self, measuring: Probes) -> Self:
         """The same with its errors scaled, in place, to what probes measure."""
         at_probes = self.sites.values_at(measuring.rows, self.w[:, None])[:, 0]
         return self._replace(calibration=measuring.calibrate(self.sites, self.error, at_probes, self.column))
@@ -115,7 +115,7 @@ class Round(NamedTuple):
         self.w[again] = gathered[again, W]
         missed = np.where(self.sites.kinds[at_all] == ONE_PLACE, 0.0, gathered[again, BATCH_VARIANCE])
         self.error[at_all] = TYPICAL / own.worth[at_all] + missed
-        return self._replace(gathered=gathered).told(measuring)
+        return self._replace(gathered=gathered).calibrated(measuring)
 
     def measured(self, kind: int, probes: Probes) -> tuple[float, float]:
         """The mean square error measured at sites of a kind, and its standard error; nothing where none is probed."""
@@ -205,7 +205,7 @@ def to_tolerance(
 def _sets_of_probes(
     tracer: Tracer, sites: Sites, counts: tuple[int, float], rays: int, key: np.uint32
 ) -> tuple[Probes, Probes]:
-    """Probes that decide, and probes that measure what is told.
+    """Probes that decide, and probes that measure the errors of the result.
 
     One set is both where sites have one place each: what is decided by it then gains little by chance.
 
@@ -223,7 +223,7 @@ def _rounds(own: Copies, sites: Sites, sets: tuple[Probes, Probes], denoise: boo
     rounds = [Round.of(own, sites, deciding, column, denoise) for column in range(len(own.gathered))]
     for probes in sets:
         probes.add_where_error_is_largest(sites, _of_all(rounds))
-    return [round_.told(measuring) for round_ in rounds]
+    return [round_.calibrated(measuring) for round_ in rounds]
 
 
 def _of_all(rounds: list[Round]) -> Float64s:
@@ -290,9 +290,10 @@ def _with_more_traced(round_: Round, measuring: Probes, goal: float) -> tuple[Si
     What the sites err by from which they are predicted is not the predictions' fault: more rays bring it down.
     """
     sites = round_.sites
-    (squared, deviation), (own, own_deviation) = (round_.measured(kind, measuring) for kind in (PREDICTED, ONE_PLACE))
-    excess = squared - max(own, 0.0)
-    if excess < max(goal / 2, np.hypot(deviation, own_deviation)):
+    squared, deviation = round_.measured(PREDICTED, measuring)
+    of_centres, their_deviation = round_.measured(ONE_PLACE, measuring)
+    excess = squared - max(of_centres, 0.0)
+    if excess < max(goal / 2, np.hypot(deviation, their_deviation)):
         return sites, np.zeros(0, np.int64)
     predicted = np.flatnonzero(sites.kinds == PREDICTED)
     if excess < _WORST * goal:

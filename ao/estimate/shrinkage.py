@@ -201,7 +201,7 @@ def _lean(
     at: _Fields,
     leaning: Float32s,
 ) -> None:
-    """Fill in the cosine between each normal and the closed directions around, `leaning`; `variance`, `spread` and
+    """Fill in the dot product of each normal and the mean closed direction around, `leaning`; `variance`, `spread` and
     `weight` of the prediction."""
     slope, at_zero = line
     leaning[i] = dot(load(widest, i), load(normals, i))

@@ -14,8 +14,8 @@ from .cells import Cells
 from .one_ring import Neighbours
 from .upsampling import upsample
 
-ONE_PLACE, SEVERAL_PLACES, FOLDED, PREDICTED = range(4)  # kinds of sites, by how their errors come about
 KINDS = 4
+ONE_PLACE, SEVERAL_PLACES, FOLDED, PREDICTED = range(KINDS)  # of sites, by how their errors come about
 _UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that typical predictions leave
 
 

@@ -63,9 +63,9 @@ def main() -> None:
             write(source, side)
             for way, options in WAYS.items():
                 words = ["bake", str(source), "-o", str(target), *BAKE, *options]
-                told = found(r"about ([\d.,]+ .iB) in all", measured([*words, "--dry-run"])[0])
+                foreseen = found(r"about ([\d.,]+ .iB) in all", measured([*words, "--dry-run"])[0])
                 text, seconds, peak = measured(words)
-                row = {"side": side, "way": way, "rmse": float(found(r"RMSE ([\d.]+)", text)), "told": told}
+                row = {"side": side, "way": way, "rmse": float(found(r"RMSE ([\d.]+)", text)), "foreseen": foreseen}
                 rows.append(row | {"seconds": seconds, "peak": peak})
                 print(f"{side}² {way}: {1e6 * seconds / side**2:.0f} µs of CPU a cell, peak {peak >> 20:,} MiB, {row}")
     write_json(RESULTS / "terrain.json", {"rows": rows, "versions": versions()})

@@ -45,8 +45,8 @@ def closest_points(
     none is within the radius, and it is not to look farther, −1 and 0.
 
     Args: tree: over `surface`: vertices (n, 3) and faces (m, 3). radius: how far to look, or at first, above 0.
-        match: the groups of the points (k,) and of the faces (m,). farther: look as far as it takes, which it is told
-        of: how many points are done at a time; each point's group has a face. None: within the radius alone.
+        match: the groups of the points (k,) and of the faces (m,). farther: look as far as it takes, and be called
+        with how many points are done at a time; each point's group has a face. None: within the radius alone.
     """
     face = np.full(len(points), -1)
     weights = np.zeros((len(points), 3), np.float32)

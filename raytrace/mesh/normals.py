@@ -120,7 +120,7 @@ def _vertex_sums(
     weighting: int,
     sums: Float64Rows,
 ) -> None:
-    """Write `vertex_sums` of the vertices from `start` to `stop`; rounding is judged by the sum of the weights."""
+    """Write `vertex_sums` of the vertices from `start` to `stop`; rounding is relative to the sum of the weights."""
     magnitude = np.zeros(stop - start)
     for f in range(len(faces)):
         for corner in range(3):
