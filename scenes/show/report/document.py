@@ -18,7 +18,6 @@ from obscurance.raytrace.errors import printable
 
 from ..page.document import policy
 from .pictures import Picture, heat
-from .verdict import elements_of
 
 _WIDTH, _HEIGHT, _FOOT = 360, 130, 18
 Report = Mapping[str, Any]
@@ -138,7 +137,7 @@ def _values(report: Report) -> str:
     if "w" not in report:
         return ""
     figures = "".join(f"<figure>{_histogram(report[name], name)}</figure>" for name in ("w", "error"))
-    kind = elements_of(report)
+    kind = _elements(report)
     what = f"{number(report[kind])} {kind}" if kind else "the covered texels"
     return _section(f"Values at {what}", f'<div class="charts">{figures}</div>')
 
@@ -182,9 +181,14 @@ def _costs(report: Report) -> str:
     return _section("Costs", f'<div class="charts">{_shares(report["seconds"], "Seconds", " s")}{whole}</div>')
 
 
+def _elements(report: Report) -> str:
+    """What rows of a bake are of, "vertices" or "faces"; nothing of texels or a picture."""
+    return next((kind for kind in ("vertices", "faces") if kind in report), "")
+
+
 def _flags(report: Report) -> str:
     """A table of the first vertices, or faces, that carry each flag."""
-    kind = elements_of(report)
+    kind = _elements(report)
     listed = report.get(f"flagged_{kind}")
     if not listed:
         return ""

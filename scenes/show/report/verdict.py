@@ -76,7 +76,7 @@ def _findings(report: Facts) -> Iterator[Finding]:
             advice = "obscurance info MESH tells where its faces look inwards; --flip turns them over."
             yield Finding("bad", text, advice)
         if "flagged" in report:
-            kind = elements_of(report)
+            kind = "faces" if "faces" in report else "vertices"
             words = flags_in_words(report["flagged"], report[kind], report.get("rays_skipped", {}), kind)
             yield from (Finding("note", f"{text}.", _OF_FLAGS[name][1]) for name, text in words.items())
     else:
@@ -84,11 +84,6 @@ def _findings(report: Facts) -> Iterator[Finding]:
     for warning in report["warnings"]:
         if "is not met" not in warning and COARSE not in warning:
             yield Finding("bad" if _INSIDE_OUT in warning else "note", warning)
-
-
-def elements_of(report: Facts) -> str:
-    """The elements that a bake has rows of, "vertices" or "faces"; nothing of texels or a picture."""
-    return next((kind for kind in ("vertices", "faces") if kind in report), "")
 
 
 def _error(report: Facts) -> Iterator[Finding]:
