@@ -1,4 +1,4 @@
-"""How tests are shared out, the random meshes' seed and given meshes, and what several folders' tests look at."""
+"""How tests are shared out, the random meshes' seed, and what several folders' tests look at."""
 
 from __future__ import annotations
 
@@ -28,7 +28,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("random meshes")
     group.addoption("--mesh-seed", type=int, metavar="SEED", help="seed of the random meshes, to draw them once more")
-    group.addoption("--mesh", action="append", default=[], metavar="FILE", help="mesh to damage; can be repeated")
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from meshes import torus
 
 from obscurance.ao import Bake, Exponential, bake
 from obscurance.raytrace.mesh.mesh import Mesh
@@ -12,7 +13,6 @@ from obscurance.scenes.geometry.polyhedra import RawMesh, join, polygon
 
 from .line import Line, undefined
 from .pose import Pose
-from .solids import torus
 
 SAMPLES = 512
 NOISE = 1.25  # times the estimated error of the difference
