@@ -75,14 +75,6 @@ def test_batches_have_the_cage(folder):
     assert (folder / "all" / "low.npy").read_bytes() == (folder / "w.npy").read_bytes()
 
 
-def test_mistakes(folder):
-    line = "bake", "low.obj", "-o", "w.npy", "--high", "whole.obj", "--cage"
-    refused(obscurance(*line, "other.obj"), "other.obj: vertices: expected 81, as low.obj has, got 64")
-    refused(obscurance(*line, "gone.obj"), "gone.obj: file: expected an existing file, got none")
-    refused(obscurance(*line, "2,5%"), "bake --cage: expected a length above 0", "got '2,5%'")
-    refused(obscurance("bake", "low.obj", "-o", "w.npy", "--cage", "cage.obj"), "--cage needs --high")
-
-
 def square(height, number, left=0.0, right=1.0):
     corners = ((left, 0), (right, 0), (right, 1), (left, 1))
     lines = [f"v {x} {y} {height}\nvt {x} {number / 2 + y / 2.01}" for x, y in corners]

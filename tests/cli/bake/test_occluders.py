@@ -91,27 +91,6 @@ def test_another_unit_is_pointed_out(folder):
     assert "wall.obj: its radius is 5e+03 of the mesh's: is its unit another?" in baked("--occluder", "wall.obj").stderr
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (["--ground", "0"], "ball.obj: ground: expected a height up to -1, that of the lowest vertex, got 0.0"),
-        (["--ground", "low"], "--ground: expected auto, or a height in mesh units, got 'low'"),
-        (["--ground", "nan"], "ground: expected a height up to -1, that of the lowest vertex, got nan"),
-        (["--occluder", "gone.obj"], "gone.obj: file: expected an existing file, got none"),
-        (["--occluder", "."], ".: file: expected a mesh file, got a folder"),
-        (["--ground", "auto", "--high", "left.obj"], "--ground and --high exclude each other"),
-        (["--occluder", "left.obj", "--high", "left.obj"], "--occluder and --high exclude each other"),
-        (["--up", "z"], "--up needs --ground, --normals up, --debug-image or .html, .ply, .glb: else w is the same"),
-    ],
-)
-def test_mistakes_are_one_line(folder, options, message):
-    done = obscurance("bake", "ball.obj", "-o", "w.npy", *options)
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert not (folder / "w.npy").exists()
-
-
 def test_an_occluder_is_not_overwritten(folder):
     baked(output="left.ply")
     before = (folder / "left.ply").read_bytes()

@@ -8,7 +8,6 @@ import sys
 import pytest
 import trimesh
 from command import obscurance, process, refused
-from project import ROOT
 
 from obscurance.scenes.bake.console import readable_output
 
@@ -60,23 +59,6 @@ def test_commands_on_ascii_outputs(tmp_path, environment):
     assert len(list(tmp_path.iterdir())) == 3
     done = process("render", mesh, "-o", tmp_path / "x.png", "--crop", "9,9,9000,9", env=environment)
     refused(done, "a part of 960")
-
-
-SOME_ROWS = """
-from obscurance import cli
-from obscurance.scenes.validation import table
-lines = [line for line in table.configurations() if line.name == "infinite wall"]
-table.configurations = lambda: lines
-cli.main()
-"""
-
-
-def test_the_validation_table_in_ascii():
-    command = [sys.executable, "-c", SOME_ROWS, "validate", "--samples", "8"]
-    environment = {**os.environ, **PLAIN[0]}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "tau = 2" in done.stdout
 
 
 @pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="file names are UTF-8 there")

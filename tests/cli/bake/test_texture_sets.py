@@ -193,13 +193,6 @@ def test_layouts_side_by_side_share_one_texture(tmp_path):
     bake(path, "-o", tmp_path / "w.exr", *FEW)
 
 
-def test_both_textures_in_metallic_roughness_images(tmp_path):
-    bake(floor_and_lid(tmp_path), "-o", tmp_path / "w.glb", "--occlusion", "texture", "--orm", *FEW)
-    (one, _, low), (_, _, high) = occlusion_of(tmp_path / "w.glb")
-    assert one == "obscurance orm"
-    assert high.min() - low.max() > 0.8
-
-
 def test_a_part_without_coordinates_stops_nothing(tmp_path):
     path = floor_and_lid(tmp_path, lid_uv=None)
     result = bake(path, "-o", tmp_path / "w.exr", *FEW)

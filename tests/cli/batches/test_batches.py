@@ -188,15 +188,6 @@ def test_a_refused_batch_leaves_no_folder(folder):
     assert not (folder / "out").exists()
 
 
-def test_textures_go_in_batches_too(folder):
-    for name in ("a", "b"):
-        text = "v 0 0 0\nv 1 0 0\nv 1 1 .5\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n"
-        (folder / f"{name}.obj").write_text(text)
-    command = ("bake", "a.obj", "b.obj", "--output-dir", "out", "--format", "png", "--size", 8, *SAMPLES)
-    assert obscurance(*command).returncode == 0
-    assert (folder / "out" / "a.png").read_bytes() == (folder / "out" / "b.png").read_bytes()
-
-
 @pytest.mark.skipif(os.name == "nt", reason="signals")
 @pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_leaves_whole_files_and_says_how_far_it_was(folder, by):

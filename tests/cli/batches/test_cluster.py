@@ -55,14 +55,6 @@ def test_a_picture_by_workers_started_here_is_the_file_of_one_process(tmp_path):
     assert found == ["picture.exr", "r.json", "scene.toml", "whole.exr"]
 
 
-def test_mistakes_with_pictures_are_reported_in_a_line(tmp_path, mesh, monkeypatch):
-    render = "render", mesh, "-o", tmp_path / "picture.png"
-    refused(obscurance(*render, "--cluster", "here"), "render --cluster: expected local, local:N or the address")
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    refused(obscurance(*render, "--cluster", "local"), "render --cluster: expected Dask")
-    assert [path.name for path in tmp_path.iterdir()] == ["hills.ply"]
-
-
 def test_mistakes_are_reported_in_a_line(tmp_path, mesh, monkeypatch):
     bake = "bake", mesh, "-o", tmp_path / "w.npz"
     refused(obscurance(*bake, "--cluster", "here"), "bake --cluster: expected local, local:N or the address", "'here'")

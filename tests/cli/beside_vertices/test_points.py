@@ -4,9 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command import obscurance, refused
-
-from obscurance.scenes.formats.load import load
+from command import obscurance
 
 
 def write_cloud(path, points, normals=None):
@@ -46,13 +44,3 @@ def test_beside_an_occluder_they_are_samples_alone(ball):
     assert w[ball[:, 0] < -0.97].mean() < 0.1
     assert (w[ball[:, 0] > 0.9] > 0.9).all()
     assert obscurance("bake", "ball.ply", "-o", "dry.npy", "--points", "--dry-run").returncode == 0
-
-
-def test_what_is_refused(ball, tmp_path):
-    refused(obscurance("bake", "ball.ply", "-o", "w.ply"), "faces", "--points")
-    refused(obscurance("bake", "ball.ply", "-o", "w.glb", "--points"), "--points needs", ".npy .npz .ply")
-    refused(obscurance("bake", "wall.obj", "-o", "w.npy", "--points"), "wall.obj", "points", "faces")
-    write_cloud(tmp_path / "bare.ply", ball)
-    refused(obscurance("bake", "bare.ply", "-o", "w.npy", "--points"), "points without normals")
-    refused(obscurance("bake", "ball.ply", "-o", "w.npy", "--points", "--at", "faces"), "exclude each other")
-    assert load("ball.ply", points=True).cloud is not None

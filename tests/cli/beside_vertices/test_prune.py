@@ -145,21 +145,6 @@ def test_a_document_keeps_what_is_no_face_of_its_scene(tmp_path, monkeypatch):
     assert len(header["meshes"][0]["primitives"][0]["targets"]) == 1
 
 
-@pytest.mark.parametrize("ending", ["ply", "obj", "stl", "off"])
-def test_other_formats(engine, ending):
-    assert obscurance("prune", "car.glb", "-o", f"out.{ending}", "-q").returncode == 0
-    assert len(trimesh.load(f"out.{ending}").faces) == 24
-
-
-def test_what_is_refused(engine):
-    refused(obscurance("prune", "car.glb", "-o", "out.png"), "output", ".glb")
-    refused(obscurance("prune", "car.glb", "-o", "car.glb"), "car.glb")
-    refused(obscurance("prune", "none.glb", "-o", "out.glb"), "none.glb")
-    (engine / "bad.glb").write_bytes(b"glTF" + bytes(40))
-    refused(obscurance("prune", "bad.glb", "-o", "out.glb"), "bad.glb")
-    assert not (engine / "out.glb").exists()
-
-
 FAR = np.array([500_000.1, 5_000_000.25, 123.456789012345])
 
 

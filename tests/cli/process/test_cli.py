@@ -108,18 +108,6 @@ def test_the_debug_image_marks_vertices_inside_solids(tmp_path):
     refused(obscurance(*bake, "--debug-image", tmp_path / "marked.txt"), "--debug-image")
 
 
-def test_the_help_of_bake_says_what_w_is_before_it_speaks_of_it():
-    said = obscurance("bake", "--help").stdout
-    assert said.index("result is w, one number") < said.index("error of w")
-
-
-def test_info_reports_what_is_in_a_file(cube):
-    result = obscurance("info", cube)
-    assert result.returncode == 0
-    for fact in ("vertices", "8", "faces", "12", "radius", "0.866025", "0 open"):
-        assert fact in result.stdout
-
-
 def test_the_demonstration_makes_a_mesh_and_a_picture(demonstration):
     mesh = trimesh.load(demonstration / "temple.ply", process=False)
     w = mesh.metadata["_ply_raw"]["vertex"]["data"]["obscurance"]
@@ -165,38 +153,3 @@ def test_the_report_has_the_occlusion_texture_that_was_asked_for(tmp_path, cube,
     done = obscurance("bake", cube, "-o", tmp_path / target, "--samples", 8, "--report", report, *options)
     assert done.returncode == 0
     assert json.loads(report.read_text())["options"]["occlusion"] == expected
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "words"),
-    [
-        ("missing.ply", None, ("existing file",)),
-        ("empty.obj", b"", ("empty",)),
-        ("noise.ply", b"\x89PNG\r\n\x1a\n not a mesh", ("PLY",)),
-        ("cloud.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", ("faces",)),
-        ("nan.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ("finite",)),
-        ("inf.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ("finite",)),
-        ("range.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", ("from 1 to 3", "got 9")),
-        ("what.xyz", b"0 0 0\n", (".xyz",)),
-    ],
-)
-def test_bad_meshes_are_named_and_nothing_is_written(tmp_path, name, content, words):
-    mesh = tmp_path / name
-    if content is not None:
-        mesh.write_bytes(content)
-    before = sorted(tmp_path.iterdir())
-    for command in (("bake", mesh, "-o", tmp_path / "w.npy"), ("info", mesh)):
-        refused(obscurance(*command), name, *words)
-    assert sorted(tmp_path.iterdir()) == before
-
-
-def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path, cube):
-    target = tmp_path / "w.npy"
-    refused(obscurance("bake", cube, "-o", target, "--report", tmp_path / "no" / "r.json"), "r.json")
-    assert not target.exists()
-
-
-def test_an_address_that_dask_cannot_open_is_refused_in_one_line(tmp_path):
-    trimesh.creation.box().export(tmp_path / "a.ply")
-    cluster = "--cluster", "ucx://127.0.0.1:9"
-    refused(obscurance("bake", tmp_path / "a.ply", "-o", tmp_path / "w.npy", *cluster), "--cluster", "tls://host:port")

@@ -22,15 +22,6 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-FLAT = [("hills.obj", "line.obj"), ("line.obj", "hills.obj"), ("line.obj", "line.obj")]
-
-
-@pytest.mark.parametrize(("coarse", "fine"), FLAT)
-def test_faces_without_area_on_either_side_of_a_cage_are_refused(folder, coarse, fine):
-    result = obscurance("bake", coarse, "--high", fine, "-o", "w.npz")
-    refused(result, "line.obj: faces: expected some that have an area, got none")
-
-
 def test_lengths_that_vanish_are_refused(folder):
     bake = "bake", "hills.obj", "-o", "w.npz", "--max-distance"
     for method in ("vertex", "surface"):

