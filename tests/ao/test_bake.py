@@ -85,16 +85,6 @@ def test_a_mesh_of_degenerate_faces_alone_is_open(length):
     assert baked.rmse == 0
 
 
-@pytest.mark.parametrize("samples", [1, 16, 256])
-def test_rays_of_one_vertex_that_agree_by_luck_are_no_certainty(samples):
-    corner = Mesh(
-        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 0.1], [0.4, 0.3, 0.1], [0.3, 0.4, 0.1]], [[0, 1, 2], [3, 4, 5]]
-    )
-    only = np.arange(6) == 0
-    errors = [ao.bake(corner, ao.Binary(), samples=samples, seed=seed, only=only).error[0] for seed in range(20)]
-    assert min(errors) > 0.2 / samples
-
-
 def test_rays_that_all_agree_estimate_an_error_that_vanishes_with_their_number():
     sphere = trimesh.creation.icosphere(subdivisions=3)
     baked = ao.bake(sphere, ao.Binary(), samples=64)
@@ -121,33 +111,6 @@ def test_bent_normals_are_exact_for_the_open_plane():
     baked = ao.bake(mesh, samples=4096)
     np.testing.assert_allclose(baked.bent_normals, [[0, 0, 1]] * 3, atol=2e-3)
     assert baked.w.tolist() == [1.0] * 3
-
-
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("samples", 0),
-        ("samples", -4),
-        ("samples", 2**20 + 1),
-        ("samples", 1.5),
-        ("samples", True),
-        ("seed", -1),
-        ("seed", 2**64),
-        ("threads", 0),
-        ("normals", "down"),
-        ("method", "corners"),
-    ],
-)
-def test_arguments_out_of_range_are_named(colonnade, field, value):
-    with pytest.raises(OptionError, match=f"{field}: expected"):
-        ao.bake(colonnade, **{field: value})
-
-
-@pytest.mark.parametrize("option", [{"back_faces": "ignore"}, {"interior": "fill"}])
-def test_the_surface_method_refuses_options_of_the_vertex_method(colonnade, option):
-    (name,) = option
-    with pytest.raises(OptionError, match=f"{name}=.* does not go with method='surface'"):
-        ao.bake(colonnade, method="surface", **option)
 
 
 @pytest.mark.parametrize("samples", [1, 3, 8, 9, 255])

@@ -36,12 +36,6 @@ def test_a_sphere_of_loose_triangles_is_smooth_again():
     assert np.einsum("ij,ij->i", found.points.normals, outward).min() > 0.999
 
 
-def test_shared_vertices_are_never_split():
-    cube = trimesh.creation.box()
-    found = receivers(Mesh(cube.vertices, cube.faces))
-    np.testing.assert_allclose(np.abs(found.points.normals), 3**-0.5, atol=1e-6)
-
-
 def test_unreferenced_and_degenerate_vertices_are_flagged_and_have_no_receiver():
     vertices = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5], [2, 0, 0], [3, 0, 0], [4, 0, 0]]
     found = receivers(Mesh(vertices, [[0, 1, 2], [4, 5, 6], [4, 4, 5]]))

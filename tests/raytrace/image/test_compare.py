@@ -91,12 +91,6 @@ def test_sizes_must_agree(tmp_path):
     assert str(error.value) == f"{b}: size: expected 30×20 pixels as in {a}, got 20×30 pixels"
 
 
-def test_a_missing_file(tmp_path):
-    a = exr(tmp_path / "a.exr", np.zeros((20, 30, 3)))
-    with pytest.raises(InputError, match=r"missing\.exr: file: expected an existing file, got none"):
-        compare(a, tmp_path / "missing.exr")
-
-
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_values_that_are_not_finite_never_pass(tmp_path, value):
     pixels = np.zeros((20, 30, 3))

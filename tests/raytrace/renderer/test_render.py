@@ -50,22 +50,6 @@ def test_worked_example_b(shading, expected):
     np.testing.assert_allclose(pixel(frame)[:3], expected, atol=1e-5)
 
 
-def test_quadratic_shading_turns_where_linear_stays_flat():
-    """Equal normals leaning along an edge: linear interpolation is constant, the quadratic one meets the chord."""
-    n = np.array([1, 0, 1]) / 2**0.5
-    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], [n, n, n])
-    scene = Scene((Object(Shape(mesh, Lambert(albedo=1))),), (DirectionalLight(direction=(0, 0, -1)),))
-    camera = Camera((0.5, 0.0001, 5), (0.5, 0.0001, 0), (0, 1, 0), height=1e-6)
-    normals = {}
-    for shading in ("phong", "quadratic"):
-        frame = render(scene, camera, Settings(width=1, height=1, samples=1, shading=shading))
-        normals[shading] = pixel(frame, "normal")
-    np.testing.assert_allclose(normals["phong"], n, atol=1e-6)
-    # On the edge w = x at s = ½: n + b/2 + a/4 with a = 3 (2 n·x) x, b = −a, so x: n_x − 3 n_x/2.
-    expected = n + np.array([-1.5 * n[0], 0, 0])
-    np.testing.assert_allclose(normals["quadratic"], expected / np.linalg.norm(expected), atol=1e-3)
-
-
 def test_a_shadows_edge_lies_where_the_light_puts_it():
     """A half-plane at z = 1 over a floor, the light at (−1, 0, 3): the edge falls on x = ½."""
     floor, roof = grid((-4, -4, 0), (8, 0, 0), (0, 8, 0), 8), grid((-4, -4, 1), (4, 0, 0), (0, 8, 0), 8)
