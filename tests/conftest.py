@@ -124,13 +124,13 @@ def entry_points(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[object]]:
 @pytest.fixture(scope="session")
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder that `obscurance demo` makes; processes of pytest-xdist share it."""
-    from command import obscurance
+    from command import succeeded
 
     base = tmp_path_factory.getbasetemp()
     shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "demonstration"
     if not shared.exists():
         folder = tmp_path_factory.mktemp("demonstration") / "demo"
-        assert obscurance("demo", "-o", folder).returncode == 0
+        succeeded("demo", "-o", folder)
         with suppress(OSError):  # another has been faster
             folder.rename(shared)
     return shared

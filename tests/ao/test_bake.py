@@ -139,20 +139,6 @@ def test_a_bake_of_some_vertices_is_that_part_of_the_whole(colonnade):
         ao.bake(colonnade, only=wanted[:-1])
 
 
-def test_a_bake_of_few_vertices_draws_the_same_directions():
-    room = trimesh.creation.box().subdivide().subdivide()
-    mesh = Mesh(room.vertices, room.faces[:, ::-1])
-    wanted = np.arange(len(mesh.vertices)) == 5
-    falloff = ao.Exponential(half_distance=0.3)
-    whole, part = (ao.bake(mesh, falloff, samples=64, only=only, denoise=False).w for only in (None, wanted))
-    assert part[5] == whole[5] < 1
-
-
-def test_a_trimesh_is_a_mesh_too():
-    ball = trimesh.creation.icosphere(subdivisions=2)
-    np.testing.assert_array_equal(ao.bake(ball, samples=8).w, ao.bake(Mesh(ball.vertices, ball.faces), samples=8).w)
-
-
 def test_arrays_of_any_layout_make_the_same_bits_by_the_same_kernels():
     vertices, faces = hills(8)
     w = ao.bake(Mesh(vertices, faces), samples=16).w

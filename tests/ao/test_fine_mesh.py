@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import trimesh
-from interrupted_bakes import bake, bits, folders, interrupted
-from meshes import hills
 from uv_meshes import quads, rectangle, square
 
 from obscurance import ao
@@ -117,15 +115,6 @@ def test_vertices_inside_of_solids_of_the_fine_mesh(interior):
     assert np.array_equal(flagged, under & (interior != "ignore"))
     assert (baked.w[under] > 0.2).all() == (interior == "auto")
     assert (baked.w[under] < 0.001).all() == (interior != "auto")
-
-
-def test_the_same_bytes_for_any_number_of_threads_and_after_an_interruption(tmp_path):
-    coarse, fine, output = Mesh(*hills(40)), Mesh(*hills(80)), tmp_path / "w.npy"
-    options = {"high": fine, "cage": "10%", "samples": 512}
-    whole = bits(ao.bake(coarse, **options, threads=1))
-    interrupted(output, 0.5, mesh=coarse, options=options)
-    assert folders(output)
-    assert bits(bake(output, mesh=coarse, options=options | {"threads": 3})) == whole
 
 
 def test_percentages_are_of_the_coarse_mesh():

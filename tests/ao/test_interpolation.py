@@ -93,14 +93,6 @@ def test_some_bakes_do_not_measure_it():
     assert ao.bake(mesh, samples=16, high=mesh).interpolation is None
 
 
-def test_vertices_without_normals_are_no_obstacle():
-    normals = np.full((8, 3), np.nan)
-    expected = ao.bake(Mesh(*PART), samples=16).interpolation[:2]
-    assert ao.bake(Mesh(*PART, normals), samples=16, normals="file").interpolation[:2] == expected
-    normals[:4] = UP
-    assert ao.bake(Mesh(*PART, normals), samples=16, normals="file").interpolation.rmse > 0.1
-
-
 LARGE = "as the faces are too large for it"
 TEXTURE = "--occlusion texture --uv unwrap"
 OR_TEXTURE = f"subdivide them, or bake a texture, {TEXTURE} into a .glb"

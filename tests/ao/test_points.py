@@ -92,12 +92,6 @@ def test_points_without_a_normal_and_what_is_refused():
         ao.bake_points(WALL, points, normals, interior="mark")
 
 
-def test_the_same_bits_for_any_number_of_threads():
-    points, normals = along_floor(500)
-    one, two = (ao.bake_points(WALL, points, normals, tolerance=0.02, threads=threads) for threads in (1, 2))
-    assert one.w.tobytes() == two.w.tobytes()
-
-
 def scattered(random, count, is_grid):
     """Places (count², 2) in a square of side 1."""
     if is_grid:

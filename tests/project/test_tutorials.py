@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from command import obscurance
+from command import succeeded
 
 from benchmarks.pictures.tutorials import PAGES, cells, run_page
 from obscurance.raytrace.image.compare import compare
@@ -13,9 +13,7 @@ ALLOWED = 0.003  # mean FLIP, as of all pictures of the documentation
 
 
 def command(*arguments):
-    done = obscurance(*arguments)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return succeeded(*arguments).stdout
 
 
 def values(text):

@@ -10,7 +10,7 @@ from .bases import dense_base
 from .damage import DAMAGES, Damage, damaged
 from .dense import Rng, placed
 from .inserts import blades, character, eyes, pipes, posts
-from .layers import crossing_planes, nested_shells, planar_sets, scale_jumps, terraces, thin_sheets
+from .layers import crossing_planes, nested_shells, planar_sets, scale_jumps, thin_sheets
 
 SMALL = 17_000  # places of vertices; fewer than 16,384 points are never predicted
 LARGE = 60_000
@@ -32,7 +32,6 @@ FAMILIES: dict[str, Family] = {
     "thin sheets": thin_sheets,
     "blades": blades,
     "nested shells": nested_shells,
-    "terraces": terraces,
     "scale jumps": scale_jumps,
     "planar sets": planar_sets,
     "crossing planes": crossing_planes,

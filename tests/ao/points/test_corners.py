@@ -12,13 +12,8 @@ from reference import corner_means, folded
 from stress.solids import grid
 
 from obscurance import ao
-from obscurance.ao.execute.tracer import Tracer
-from obscurance.ao.points.receivers import find_receivers
-from obscurance.ao.rays.ray_scene import RayScene
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.mesh.normals import own_vertex_normals
-from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.sampling import seed_key
 from obscurance.scenes.geometry.polyhedra import icosphere, join
 from obscurance.scenes.validation.reference import reference
 
@@ -76,25 +71,6 @@ def test_their_errors_are_estimated(options):
     assert np.quantile(np.abs(off), 0.999) < 6
 
 
-def test_ordinary_vertices_keep_their_bits(noisy):
-    """Their points, numbers and directions are what they are without corners."""
-    mesh = Mesh(*noisy)
-    placement = Placement.of(mesh)
-    receivers = find_receivers(mesh, placement)
-    points = receivers.points
-    assert points.numbers.tolist() == list(range(len(points)))
-    assert receivers.corners.points.numbers.tolist() == list(
-        range(len(points), len(points) + len(receivers.corners.points))
-    )
-    scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
-    mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
-    tracer = Tracer(scene, mu, placement.diagonal, 1, len(points))
-    plain = tracer.gather(points, 64, seed_key(0))[:, 0, 0]
-    baked = ao.bake(mesh, ao.Binary(), samples=64, denoise=False)
-    np.testing.assert_array_equal(baked.w[~split(baked)], plain[receivers.of_vertex][~split(baked)])
-    assert (baked.w != plain[receivers.of_vertex])[split(baked)].mean() > 0.9
-
-
 def test_some_are_baked_like_all_by_any_number_of_threads(noisy):
     mesh = Mesh(*noisy)
     only = np.arange(len(mesh.vertices)) % 3 == 0
@@ -128,13 +104,6 @@ def test_a_sheet_with_both_sides_welded_is_the_mean_of_both(side):
     baked = ao.bake(mesh, ao.Binary(), samples=256)
     assert baked.flagged["opposed"] == 9
     assert baked.w[4] == pytest.approx(0.5, abs=0.002)
-
-
-def test_the_bent_normal_of_an_open_sheet_is_its_normal():
-    """The mean direction of what both sides see is nothing but noise."""
-    baked = ao.bake(Mesh(*two_sided(1)), samples=64)
-    assert (baked.w == 1).all()
-    np.testing.assert_allclose(np.abs(baked.bent_normals[:, 2]), 1)
 
 
 @pytest.mark.parametrize("tolerance", [0.02, 0.1])

@@ -5,10 +5,9 @@ import pytest
 import trimesh
 from meshes import crumpled
 
-from obscurance import ao
 from obscurance.ao import Flag
 from obscurance.ao.points.receivers import find_receivers
-from obscurance.raytrace import Mesh, OptionError
+from obscurance.raytrace import Mesh
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.ray_origins.direction import outermost_normals
 
@@ -65,12 +64,6 @@ def test_a_file_normal_behind_its_face_is_of_no_use():
     for normal, axis in (([0, 0, -1], [0, 0, 1]), ([0.1, 0, -0.99], [0, 0, 1]), ([1, 0, -1e-4], [1, 0, -1e-4])):
         found = receivers(Mesh(vertices, faces, [normal] * 3), "file")
         np.testing.assert_allclose(found.points.normals, [axis] * 3, atol=1e-7)
-
-
-def test_normals_must_be_known():
-    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    with pytest.raises(OptionError, match="normals: expected one of angle, area, equal, file"):
-        ao.bake(mesh, normals="best")
 
 
 def test_a_normal_behind_one_of_its_faces_is_moved_in_front_of_all():

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from meshes import hills
 
 FEW = ("--samples", 16, "-q")
@@ -36,9 +36,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def bake(*arguments):
-    done = obscurance("bake", "low.obj", *arguments, *FEW)
-    assert done.returncode == 0, done.stderr
-    return done
+    return succeeded("bake", "low.obj", *arguments, *FEW)
 
 
 def test_a_cage_file_at_an_even_height_is_that_distance_and_another_is_not(folder):

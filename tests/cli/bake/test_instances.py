@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from gltf_files import QUAD, Builder
 
 from obscurance import ao, scenes
@@ -42,9 +42,7 @@ def squares(folder, nodes=(OPEN, BELOW), lid_uv=None, meshes=1, **fields):
 
 
 def bake(*arguments):
-    result = obscurance("bake", *arguments)
-    assert result.returncode == 0, result.stderr
-    return result
+    return succeeded("bake", *arguments)
 
 
 def textures_of(path):

@@ -6,7 +6,7 @@ import shlex
 
 import numpy as np
 import pytest
-from command import obscurance
+from command import obscurance, succeeded
 from mesh_files import obj
 
 from obscurance import ao, scenes
@@ -30,9 +30,7 @@ AROUND = "--occluder", "left.obj", "--occluder", "right.obj", "--ground", "-1.5"
 
 
 def baked(*options, output="w.npy"):
-    done = obscurance("bake", "ball.obj", "-o", output, *FEW, *options)
-    assert done.returncode == 0, done.stderr
-    return done
+    return succeeded("bake", "ball.obj", "-o", output, *FEW, *options)
 
 
 def grey(path):
@@ -53,12 +51,12 @@ def test_w_is_that_of_python_and_the_report_repeats_it(folder):
     before = (folder / "w.npy").read_bytes()
     for command in (shlex.split(report["command"])[1:], ["bake", "-o", "w.npy", "--options", "r.json"]):
         (folder / "w.npy").unlink()
-        assert obscurance(*command).returncode == 0
+        succeeded(*command)
         assert (folder / "w.npy").read_bytes() == before
 
 
 def test_batches_textures_and_glb(folder):
-    assert obscurance("bake", "ball.obj", "left.obj", "--output-dir", "out", *FEW, "--ground", "auto").returncode == 0
+    succeeded("bake", "ball.obj", "left.obj", "--output-dir", "out", *FEW, "--ground", "auto")
     w = scenes.load("out/ball.ply").w
     assert w[np.argmin(VERTICES[:, 1])] < 0.2
     for name, more in (("open", ()), ("closed", AROUND)):
@@ -81,7 +79,7 @@ def test_a_dry_run_counts_them(folder):
 def test_up(folder):
     baked("--ground", "auto", "--up", "z", "--report", "r.json")
     w = np.load("w.npy")
-    assert obscurance("bake", "-o", "again.npy", "--options", "r.json").returncode == 0
+    succeeded("bake", "-o", "again.npy", "--options", "r.json")
     assert np.array_equal(np.load("again.npy"), w)
     assert w[np.argmin(VERTICES[:, 2])] < 0.2 < w[np.argmin(VERTICES[:, 1])]
 

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 import trimesh
-from command import obscurance, process, refused
+from command import obscurance, process, refused, succeeded
 
 from obscurance.scenes.bake.console import readable_output
 
@@ -66,13 +66,11 @@ def test_file_names_that_are_no_text(tmp_path):
     strange = os.fsdecode(os.fsencode(tmp_path) + b"/\xff")
     trimesh.creation.box().export(tmp_path / "box.ply")
     (tmp_path / "box.ply").rename(strange + ".ply")
-    done = obscurance("bake", strange + ".ply", "-o", strange + ".npy", "--report", strange + ".json", "--samples", 8)
-    assert done.returncode == 0, done.stderr
+    done = succeeded("bake", strange + ".ply", "-o", strange + ".npy", "--report", strange + ".json", "--samples", 8)
     assert "\\udcff.npy: 8 vertices" in done.stdout
     for ending in (".png", ".exr"):
         size = ("--width", 8, "--height", 8, "--samples", 1)
-        done = obscurance("render", strange + ".ply", "-o", strange + ending, *size)
-        assert done.returncode == 0, done.stderr
+        done = succeeded("render", strange + ".ply", "-o", strange + ending, *size)
         refused(obscurance("compare", strange + ending, strange + ending), "path in UTF-8")
     done = obscurance("bake", strange + ".ply", "-o", tmp_path / "a\x1b[31m.npy", "--samples", 8)
     assert "a\\x1b[31m.npy: 8 vertices" in done.stdout

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from gltf_files import QUAD, Builder
 
 from obscurance import ao, scenes
@@ -48,9 +48,7 @@ def floor_and_lid(folder, materials=("floor", "lid"), lid_uv=UV, **fields):
 
 
 def bake(*arguments):
-    result = obscurance("bake", *arguments)
-    assert result.returncode == 0, result.stderr
-    return result
+    return succeeded("bake", *arguments)
 
 
 def image(path):

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from uv_meshes import FLOOR_AND_WALL
 
 from obscurance.raytrace.image.read import read_image
@@ -22,9 +22,7 @@ def corner(tmp_path):
 
 
 def bake(*arguments):
-    result = obscurance("bake", *arguments)
-    assert result.returncode == 0, result.stderr
-    return result
+    return succeeded("bake", *arguments)
 
 
 @pytest.mark.parametrize(("ending", "step"), [(".png", 1 / 65535), (".exr", 0), (".tif", 0)])

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance, process, refused
+from command import obscurance, process, refused, succeeded
 from project import ROOT
 
 from obscurance.raytrace.image.read import read_image
@@ -23,8 +23,7 @@ def cube(tmp_path):
 @pytest.mark.parametrize("ending", ["npy", "npz", "ply", "glb"])
 def test_every_output_format_is_written(tmp_path, cube, ending):
     output = tmp_path / f"out.{ending}"
-    result = obscurance("bake", cube, "-o", output, "--samples", 16)
-    assert result.returncode == 0, result.stderr
+    result = succeeded("bake", cube, "-o", output, "--samples", 16)
     assert output.stat().st_size > 0
     assert f"{24 if ending == 'glb' else 8} vertices" in result.stdout  # of a cube, which a .glb has by sides
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["cube.ply", output.name])
@@ -36,7 +35,7 @@ def test_the_values_are_those_of_the_library(tmp_path, cube):
 
     target = tmp_path / "w.npy"
     options = ("--half-distance", "30%", "--max-distance", "2", "--samples", 64, "--seed", 7, "--normals", "area")
-    assert obscurance("bake", cube, "-o", target, *options).returncode == 0
+    succeeded("bake", cube, "-o", target, *options)
     falloff = ao.Exponential(half_distance="30%", max_distance=2)
     expected = ao.bake(load(cube).mesh, falloff, samples=64, seed=7, normals="area").w
     np.testing.assert_array_equal(np.load(target), expected.astype(np.float32))
@@ -52,7 +51,7 @@ def test_the_same_command_gives_the_same_bytes(tmp_path, cube):
 def test_the_report_holds_the_contract(tmp_path, cube):
     report = tmp_path / "r.json"
     target = tmp_path / "w.npy"
-    assert obscurance("bake", cube, "-o", target, "--samples", 16, "--seed", 3, "--report", report).returncode == 0
+    succeeded("bake", cube, "-o", target, "--samples", 16, "--seed", 3, "--report", report)
     found = json.loads(report.read_text())
     facts = {
         "vertices",
@@ -101,7 +100,7 @@ def test_the_debug_image_marks_vertices_inside_solids(tmp_path):
         block = block.subdivide()
     trimesh.util.concatenate([block, ball.apply_translation((0.03, 0.02, 0.47))]).export(tmp_path / "sunk.ply")
     bake = ("bake", tmp_path / "sunk.ply", "-o", tmp_path / "w.npy", "--samples", 16, "--interior", "fill")
-    assert obscurance(*bake, "--debug-image", tmp_path / "marked.png").returncode == 0
+    succeeded(*bake, "--debug-image", tmp_path / "marked.png")
     picture = read_image(tmp_path / "marked.png")[0]["beauty"]
     magenta = (picture[..., 0] > 0.9) & (picture[..., 1] < 0.05) & (picture[..., 2] > 0.5)
     assert magenta.sum() > 1000
@@ -150,6 +149,5 @@ def test_help_and_mistakes_need_no_heavy_import(arguments):
 )
 def test_the_report_has_the_occlusion_texture_that_was_asked_for(tmp_path, cube, target, options, expected):
     report = tmp_path / "r.json"
-    done = obscurance("bake", cube, "-o", tmp_path / target, "--samples", 8, "--report", report, *options)
-    assert done.returncode == 0
+    succeeded("bake", cube, "-o", tmp_path / target, "--samples", 8, "--report", report, *options)
     assert json.loads(report.read_text())["options"]["occlusion"] == expected

@@ -134,6 +134,8 @@ COMMANDS = [
     ("bake a.ply -o w.npy --threads many", "bake --threads: expected a whole number, got many"),
     ("bake a.ply -o w.npy --threads 0", "bake --threads: expected a whole number from 1 to 4096, got 0"),
     ("bake a.ply -o w.npy --report folder", "bake --report: expected a name ending in .json or .html, got folder"),
+    ("bake a.ply -o w.npy --report mine.html", "--report", "a page of obscurance to replace"),
+    ("view zero.obj", "zero.obj: f: expected v indices from 1 to 3, got 0"),
     ("bake a.ply -o w.npy --debug-image m.bmp", "bake --debug-image: expected a name ending in", "got m.bmp"),
     ("bake a.ply -o w.npy --colors", "bake: --colors needs a .glb or .ply output"),
     ("bake a.ply -o w.glb --occlusion rmap", "expected one of none, ramp, texture, got rmap; did you mean ramp?"),
@@ -302,6 +304,8 @@ CHART = "vt 0 0\nvt {}\nvt 0 1\nf 1/1 2/2 3/3\n"
 POINTS = "ply\nformat ascii 1.0\nelement vertex 3\n{}end_header\n" + "1 0 0 1 0 0\n0 1 0 0 1 0\n0 0 1 0 0 1\n"
 FILES = {
     "empty.obj": "",
+    "mine.html": "<h1>mine</h1>",
+    "zero.obj": TRIANGLE + "f 0 1 2\n",
     "noise.ply": "\x89PNG\r\n\x1a\n not a mesh",
     "bad.glb": "glTF" + "\0" * 40,
     "infinite.obj": TRIANGLE.replace("1 0 0", "1 0 inf") + "f 1 2 3\n",

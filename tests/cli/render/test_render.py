@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance
+from command import obscurance, succeeded
 from gltf_files import Builder
 from render_scenes import SMALL, write_ball
 
@@ -20,8 +20,7 @@ SUMMANDS = ("ambient", "diffuse", "specular", "emission")
 
 def rendered(scene, output, *options):
     """Layers of the picture of a scene, 48×32 unless `options` say otherwise."""
-    result = obscurance("render", scene, "-o", output, *SMALL, *options)
-    assert result.returncode == 0, result.stderr
+    succeeded("render", scene, "-o", output, *SMALL, *options)
     return read_image(output)[0]
 
 
@@ -50,7 +49,7 @@ def whole(scene, folder):
 @pytest.mark.parametrize("name", BUILTIN)
 def test_every_builtin_scene_renders(tmp_path, name):
     written = tmp_path / f"{name}.toml"
-    assert obscurance("scenes", name, "-o", written).returncode == 0
+    succeeded("scenes", name, "-o", written)
     written.write_text(written.read_text().replace("[obscurance]", "[obscurance]\nsamples = 16"))
     layers = rendered(written, tmp_path / "picture.exr")
     assert set(layers) == set(LAYERS)
@@ -61,8 +60,7 @@ def test_every_builtin_scene_renders(tmp_path, name):
 
 
 def test_the_scenes_are_listed():
-    result = obscurance("scenes")
-    assert result.returncode == 0
+    result = succeeded("scenes")
     assert [line.split()[0] for line in result.stdout.splitlines()] == list(BUILTIN)
     assert obscurance("scenes", "cornell").stdout == builtin_toml("cornell")
 
@@ -70,8 +68,7 @@ def test_the_scenes_are_listed():
 @pytest.mark.parametrize("ending", FORMATS)
 def test_every_ending_with_its_metadata(tmp_path, scene, ending):
     target = tmp_path / f"picture{ending}"
-    result = obscurance("render", scene, "-o", target, *SMALL, "--obscurance", "off", "--seed", 7)
-    assert result.returncode == 0, result.stderr
+    result = succeeded("render", scene, "-o", target, *SMALL, "--obscurance", "off", "--seed", 7)
     assert target.name in result.stdout
     layers, metadata = read_image(target)
     assert layers["beauty"].shape[:2] == (32, 48)
@@ -154,7 +151,7 @@ def test_a_mesh_alone_and_its_baked_file(tmp_path):
     alone = rendered(mesh, tmp_path / "alone.exr")
     assert 0.1 < alone["beauty"][..., 3].mean() < 0.9
     check_sum(alone)
-    assert obscurance("bake", mesh, "-o", tmp_path / "w.npy", "--no-denoise").returncode == 0
+    succeeded("bake", mesh, "-o", tmp_path / "w.npy", "--no-denoise")
     table = '[[objects]]\nmesh = "ring.ply"\n'
     (tmp_path / "now.toml").write_text(table)
     (tmp_path / "then.toml").write_text(f'[obscurance]\nbaked = "w.npy"\n{table}')
@@ -185,16 +182,15 @@ def test_a_glb_with_its_camera_and_light(tmp_path):
 
 
 def test_compare(tmp_path, scene, folder, whole):
-    same = obscurance("compare", folder / "whole.exr", folder / "whole.exr", "--threshold", 0)
-    assert same.returncode == 0, same.stderr
+    same = succeeded("compare", folder / "whole.exr", folder / "whole.exr", "--threshold", 0)
     figures = dict(line.split() for line in same.stdout.splitlines())
     assert figures == {"mean_error": "0", "rms_error": "0", "max_error": "0", "psnr": "inf", "flip": "0"}
     other = tmp_path / "other.png"
     rendered(scene, other, "--no-shadows", "--obscurance", "off")
     pair, found = (folder / "whole.exr", other), tmp_path / "flip.png"
-    assert obscurance("compare", *pair).returncode == 0
+    succeeded("compare", *pair)
     different = obscurance("compare", *pair, "--threshold", 0.001, "--difference", found)
     assert different.returncode == 1
     assert float(dict(line.split() for line in different.stdout.splitlines())["flip"]) > 0.001
     assert read_image(found)[0]["beauty"].shape == (32, 48, 3)
-    assert obscurance("compare", *pair, "--threshold", 10, "--metric", "max").returncode == 0
+    succeeded("compare", *pair, "--threshold", 10, "--metric", "max")

@@ -153,19 +153,6 @@ def test_geometry_is_built_once_for_seen_vertices_and_pictures_with_any_w(still)
     assert first() is None
 
 
-def test_what_is_there_does_not_depend_on_shading(still):
-    settings = {"width": 48, "height": 32, "samples": 4}
-    phong, *others = (
-        render(still, CAMERA, Settings(**settings, shading=shading)).layers
-        for shading in ("phong", "gouraud", "constant", "quadratic")
-    )
-    assert len(np.unique(phong["albedo"])) > 3
-    for other in others:
-        np.testing.assert_array_equal(other["beauty"][..., 3], phong["beauty"][..., 3])
-        for name in ("albedo", "obscurance", "depth", "object_id", "emission"):
-            np.testing.assert_allclose(other[name], phong[name], rtol=1e-6)
-
-
 @pytest.mark.parametrize("size", [1e-30, 1e-3, 1e25])
 @pytest.mark.parametrize("attenuation", [(0, 0, 1), (0, 1, 0), (1, 0, 0)])
 def test_the_picture_does_not_depend_on_the_unit_of_length(size, attenuation):

@@ -8,7 +8,6 @@ from rendered import CAMERA, ONE, PLANE, box, grid, pixel, sphere, still_scene, 
 from obscurance import ao
 from obscurance.raytrace import BlinnPhong, Lambert, Mesh, Phong
 from obscurance.raytrace.camera import Camera
-from obscurance.raytrace.kernel import jit
 from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
 from obscurance.raytrace.renderer.render import render
 from obscurance.raytrace.scene import Object, Scene, Shape
@@ -177,15 +176,6 @@ def test_a_lens_blurs_what_is_out_of_focus_only():
     assert width(sharp) <= 3
     assert width(lens) <= 3
     assert width(far) > 6
-
-
-def test_a_background_of_whole_numbers_needs_no_kernels_of_its_own():
-    """A kernel is compiled for each type of its arguments: this one, for some ten seconds."""
-    floor = (Object(Shape(PLANE, Lambert(albedo=1))),)
-    first = render(Scene(floor, background=(1.0, 0.0, 0.0)), CAMERA, ONE)
-    before = len(jit.loaded)
-    assert render(Scene(floor, background=(1, 0, 0)), CAMERA, ONE).background == first.background
-    assert len(jit.loaded) == before
 
 
 def test_progress_ends_at_the_end(still):
