@@ -20,11 +20,11 @@ def report(findings, seed):
 
 
 def test_damaged_files():
-    findings, counts, _ = fuzzing.run(1600, "short", processes=1)
+    findings, counts, _ = fuzzing.run(1000, "short", processes=1)
     assert not findings, report(findings, "short")
-    assert sum(map(sum, (each.values() for each in counts.values()))) == 1600
+    assert sum(map(sum, (each.values() for each in counts.values()))) == 1000
     assert all(each["refused"] for each in counts.values())
-    assert sum(each["accepted"] for each in counts.values()) > 100
+    assert sum(each["accepted"] for each in counts.values()) > 60
 
 
 @pytest.mark.slow

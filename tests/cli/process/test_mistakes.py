@@ -228,6 +228,7 @@ COMMANDS = [
     ("bake a.ply -o w.npy --at faces --method surface", "--at faces does not go with --method surface"),
     ("bake a.ply -o w.npy --at faces --debug-image d.png", "--at and --debug-image exclude each other"),
     ("bake a.ply -o w.npy --at corners", "corners"),
+    ("bake a.ply -o w.npy --high a.ply --at faces", "--at", "--high"),
     ("bake points.ply -o w.ply", "faces", "--points"),
     ("bake points.ply -o w.glb --points", "--points needs", ".npy .npz .ply"),
     ("bake corner.obj -o w.npy --points", "corner.obj", "points", "faces"),

@@ -57,10 +57,3 @@ def test_the_temple_is_the_demonstration(demonstration, tmp_path):
 def test_the_spheres_of_the_models_are_current(tmp_path, name):
     write_image(tmp_path / "made.png", picture(name))
     assert compare(DOCS / "models" / f"{name}.png", tmp_path / "made.png").flip <= ALLOWED
-
-
-def test_an_outdated_picture_is_noticed(tmp_path):
-    shown = read_image(DOCS / "temple.png")[0]["beauty"][:HEIGHT, :WIDTH]
-    write_image(tmp_path / "shown.png", shown)
-    write_image(tmp_path / "old.png", 1.06 * shown)
-    assert compare(tmp_path / "shown.png", tmp_path / "old.png").flip > ALLOWED

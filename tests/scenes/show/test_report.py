@@ -71,6 +71,9 @@ def test_the_page_has_what_the_json_has(reports, name):
     for finding in report["verdict"]["findings"]:
         assert finding["what"] in text
         assert finding["do"] in text
+    notes = [finding["level"] for finding in report["verdict"]["findings"]].count("note")
+    well = f"Done, with {notes} to note" if notes else "All is well"
+    assert (well if report["verdict"]["good"] else "Look at this first") in text
     assert report["inputs"][0]["sha256"] in text
     rays = report["rays"] if isinstance(report["rays"], dict) else {"traced": report["rays"]}
     for count in rays.values():
