@@ -5,11 +5,14 @@ import json
 import numpy as np
 import pytest
 from command import obscurance, refused, succeeded
+from mesh_files import obj
+from meshes import raw_mesh
 from uv_meshes import FLOOR_AND_WALL
 
 from obscurance.raytrace.image.read import read_image
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.stored_w import read_w
+from obscurance.scenes.geometry.builtin_shapes import menger
 
 FEW = ("--samples", 16, "--size", 32)
 
@@ -223,6 +226,13 @@ def test_an_object_without_area_on_its_page_is_refused_before_others_are_written
     (tmp_path / "two.obj").write_text((tmp_path / "two.obj").read_text().replace("o flat", "usemtl flat"))
     refused(obscurance("bake", "two.obj", "-o", "<MATERIAL>.png", "--size", 8), words)
     assert [path.name for path in tmp_path.iterdir()] == ["two.obj"]
+
+
+def test_a_mesh_of_more_charts_than_a_page_has_room_for_is_refused(tmp_path):
+    pytest.importorskip("uvunwrap")
+    (tmp_path / "m.obj").write_bytes(obj(*raw_mesh(menger(2, 1.0, 1))))
+    line = "bake", tmp_path / "m.obj", "-o", tmp_path / "m.glb", "--uv", "unwrap", "--occlusion", "texture"
+    refused(obscurance(*line, "--size", 64), "that uvunwrap can unwrap to one page", "pages of 64 texels")
 
 
 def test_a_panic_of_the_unwrapping_library_is_one_line(tmp_path, monkeypatch):
