@@ -92,12 +92,6 @@ def test_points_without_a_normal_and_what_is_refused():
         ao.bake_points(WALL, points, normals, interior="mark")
 
 
-def test_the_same_bits_for_any_number_of_threads():
-    points, normals = along_floor(500)
-    one, two = (ao.bake_points(WALL, points, normals, tolerance=0.02, threads=threads) for threads in (1, 2))
-    assert one.w.tobytes() == two.w.tobytes()
-
-
 def scattered(random, count, is_grid):
     """Places (count², 2) in a square of side 1."""
     if is_grid:
@@ -112,7 +106,7 @@ def told_and_true(baked, exact, rows):
 
 
 @pytest.mark.parametrize("is_grid", [True, False])
-@pytest.mark.parametrize("angle", [15, 30, 60, 90, 120])
+@pytest.mark.parametrize("angle", [15, 60, 120])
 def test_clouds_are_closed_in_creases(angle, is_grid):
     """Two squares that meet at an angle, along whose edge (1 − cos α)/2 is open, but for the ends."""
     random = np.random.default_rng(angle)
@@ -152,7 +146,7 @@ def test_sheets_of_clouds_lie_over_one_another(height, facing, is_grid):
 
 
 @pytest.mark.parametrize("is_grid", [True, False])
-@pytest.mark.parametrize("noise", [0.05, 0.1, 0.2, 0.3])
+@pytest.mark.parametrize("noise", [0.05, 0.3])
 def test_rough_clouds_say_by_how_much_they_may_be_closed(noise, is_grid):
     random = np.random.default_rng(round(100 * noise))
     points = np.column_stack([scattered(random, 50, is_grid), noise / 50 * random.normal(size=2500)])

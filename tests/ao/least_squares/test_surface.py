@@ -6,7 +6,7 @@ from functools import cache, partial
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance
+from command import succeeded
 from meshes import hills, turned
 from scipy.spatial.transform import Rotation
 
@@ -293,10 +293,7 @@ def test_the_command_bakes_with_it(tmp_path):
     mesh = trimesh.Trimesh(*hills(8), process=False)
     mesh.export(tmp_path / "hills.ply")
     out, report = tmp_path / "w.npy", tmp_path / "report.json"
-    done = obscurance(
-        "bake", tmp_path / "hills.ply", "-o", out, "--method", "surface", "--samples", "64", "--report", report
-    )
-    assert done.returncode == 0, done.stderr
+    succeeded("bake", tmp_path / "hills.ply", "-o", out, "--method", "surface", "--samples", "64", "--report", report)
     expected = bake_surface(Mesh(mesh.vertices.astype(np.float32), mesh.faces), samples=64).w
     np.testing.assert_allclose(np.load(out), expected, atol=1e-6)
     written = json.loads(report.read_text())
