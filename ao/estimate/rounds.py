@@ -142,12 +142,13 @@ def _alone(gathered: AnyFloats, level: float) -> Float64s:
 def _leave_out_harm(
     sites: Sites, checks: Checks, gathered: AnyFloats, level: float, w: Float64s, error: Float64s
 ) -> None:
-    """Give values as `gathered` back, in place, to the kinds of sites of which denoising is measured to do harm."""
+    """Give values as `gathered` back, in place, to the kinds of sites of which denoising is measured to do no good."""
     kinds = sites.kinds[sites.traced]
     raw = gathered[checks.rows, W].astype(np.float64)
     gain = checks.weight * (checks.squared(raw) - checks.squared(w[checks.rows]))
     for kind in range(PREDICTED):
-        if float(np.sum(gain[kinds[checks.rows] == kind])) < 0:
+        probed = gain[kinds[checks.rows] == kind]
+        if len(probed) and float(np.sum(probed)) <= 0:
             w[kinds == kind] = gathered[kinds == kind, W]
             error[kinds == kind] = _alone(gathered, level)[kinds == kind]
 

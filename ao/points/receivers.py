@@ -218,23 +218,25 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
     elif normals == "file" and own_axes is not None:
         surface_normals = offset.welded.axes[usable].astype(np.float32)
     facts = {
-        "of_vertex": index[offset.welded.group][curve.place],
         "flags": offset.flags[curve.place],
         "displaced": offset.displaced[usable],
         "corners": _corner_samples(mesh, offset, index, len(usable), own_axes is not None),
         "tree_seconds": offset.tree_seconds,
     }
-    tree = offset.tree._replace(leaf_faces=np.append(met.number, -1).astype(np.int32)[offset.tree.leaf_faces])
-    # The points, once what they were found by is let go.
-    places = offset.surface.vertices, offset.welded.first_vertex
-    of_all = offset.origins, offset.axes
-    del curve, own_axes, offset, index
+    # What points were found by is let go before they are copied.
+    places, of_all = (offset.surface.vertices, offset.welded.first_vertex), (offset.origins, offset.axes)
+    group, place, tree = offset.welded.group, curve.place, offset.tree
+    del curve, own_axes, offset
     points = replace(_compacted(usable, places, of_all), fronts=fronts)
-    del places, of_all
+    del places, of_all, usable
+    of_vertex = index[group][place]
+    tree = tree._replace(leaf_faces=np.append(met.number, -1).astype(np.int32)[tree.leaf_faces])
     surface_normals = points.normals if surface_normals is None else surface_normals
     embree = cache(partial(TriangleScene, placement.vertices, met.faces))
     shared = {"faces": met.faces, "backwards": met.backwards, "opacity": met.opacity}
-    return Receivers(points, tree=tree, embree=embree, surface_normals=surface_normals, **shared, **facts)
+    return Receivers(
+        points, of_vertex=of_vertex, tree=tree, embree=embree, surface_normals=surface_normals, **shared, **facts
+    )
 
 
 def _given_axes(mesh: Mesh, normals: Normals, order: Int32s) -> tuple[Float64s | None, Weighting]:
