@@ -82,12 +82,12 @@ class Neighbours:
         _pick.on(self.threads)(point_rows, self.ring, row_of_point, starts[:-1], picked)
         return type(self)(starts, *picked, self.threads)
 
-    def blocks(self, size: int, edges: int) -> Iterator["Block"]:
+    def blocks(self, size: int, edges: int) -> Iterator["PointBlock"]:
         """All the points, about `size` at once, with those at most so many `edges` away."""
         count = len(self.starts) - 1
         blocks = max(round(count / size), 1)
         if blocks == 1:
-            yield Block(np.arange(count), slice(None), slice(None), self)
+            yield PointBlock(np.arange(count), slice(None), slice(None), self)
             return
         for block in range(blocks):
             start, stop = count * block // blocks, count * (block + 1) // blocks
@@ -96,7 +96,7 @@ class Neighbours:
             _reach(self.starts, self.indices, np.arange(start, stop), edges, is_near)
             rows = np.flatnonzero(is_near)
             first = int(np.searchsorted(rows, start))
-            yield Block(rows, slice(start, stop), slice(first, first + stop - start), self.among(rows))
+            yield PointBlock(rows, slice(start, stop), slice(first, first + stop - start), self.among(rows))
 
     @property
     def ring(self) -> tuple[Int64s, Int32s, Float32s]:
@@ -145,7 +145,7 @@ class Neighbours:
         return out
 
 
-class Block(NamedTuple):
+class PointBlock(NamedTuple):
     """Points that follow one another, and those around them."""
 
     rows: Int64s  # (j,), ascending, of them all

@@ -26,7 +26,7 @@ from obscurance.raytrace.types import Float32Rows, Float32s, Float64Grid, Float6
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, W
 from .calibration import shrunk_to_mean, variance_line
-from .one_ring import Block, Neighbours
+from .one_ring import Neighbours, PointBlock
 
 _REACH = 4  # edges over which squared residuals are averaged
 _COMPARED = 5  # edges from which estimates have a say in a prediction by means
@@ -90,7 +90,7 @@ def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: f
 
 
 def _compare_with_neighbours(
-    block: Block, all_normals: Float32s, all_gathered: Float32s, all_shapes: _Shape, out: _Fields
+    block: PointBlock, all_normals: Float32s, all_gathered: Float32s, all_shapes: _Shape, out: _Fields
 ) -> None:
     """Fill in the fields of a block's points but `variance`, `excess` and `part`: predictions by means alone, and as
     `weight` the mean squared residual around."""

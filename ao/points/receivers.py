@@ -217,26 +217,21 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
         surface_normals = np.zeros((len(usable), 3), np.float32)
     elif normals == "file" and own_axes is not None:
         surface_normals = offset.welded.axes[usable].astype(np.float32)
-    facts = {
-        "flags": offset.flags[curve.place],
-        "displaced": offset.displaced[usable],
-        "corners": _corner_samples(mesh, offset, index, len(usable), own_axes is not None),
-        "tree_seconds": offset.tree_seconds,
-    }
+    displaced, flags = offset.displaced[usable], offset.flags[curve.place]
+    corners = _corner_samples(mesh, offset, index, len(usable), own_axes is not None)
     # What points were found by is let go before they are copied.
     places, of_all = (offset.surface.vertices, offset.welded.first_vertex), (offset.origins, offset.axes)
-    group, place, tree = offset.welded.group, curve.place, offset.tree
+    group, place, tree, tree_seconds = offset.welded.group, curve.place, offset.tree, offset.tree_seconds
     del curve, own_axes, offset
     points = replace(_compacted(usable, places, of_all), fronts=fronts)
     del places, of_all, usable
     of_vertex = index[group][place]
     tree = tree._replace(leaf_faces=np.append(met.number, -1).astype(np.int32)[tree.leaf_faces])
-    surface_normals = points.normals if surface_normals is None else surface_normals
-    embree = cache(partial(TriangleScene, placement.vertices, met.faces))
-    shared = {"faces": met.faces, "backwards": met.backwards, "opacity": met.opacity}
     return Receivers(
-        points, of_vertex=of_vertex, tree=tree, embree=embree, surface_normals=surface_normals, **shared, **facts
-    )
+        points, corners, of_vertex, flags, met.faces, met.backwards, tree, tree_seconds, displaced,
+        cache(partial(TriangleScene, placement.vertices, met.faces)), met.opacity,
+        points.normals if surface_normals is None else surface_normals,
+    )  # fmt: skip
 
 
 def _given_axes(mesh: Mesh, normals: Normals, order: Int32s) -> tuple[Float64s | None, Weighting]:

@@ -14,7 +14,7 @@ import trimesh
 from benchmarks import ROOT
 from benchmarks.pictures.half_distances import picture
 from obscurance import ao, scenes
-from obscurance.ao.methods.point_values import discs
+from obscurance.ao.points.discs import discs
 from obscurance.raytrace import AmbientLight, Camera, Lambert, Mesh, Object, PointLight, Scene, Shape, render
 from obscurance.raytrace.image.write import write_image
 from obscurance.raytrace.settings import Settings

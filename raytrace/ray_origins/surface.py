@@ -54,9 +54,9 @@ class Surface(NamedTuple):
     @classmethod
     def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
         """Faces with their extents, flatness and rounding measured; arguments as the attributes."""
-        measures = tuple(np.zeros((3, len(faces)), np.float32))
-        _measure(vertices, faces, normals, measures)
-        return cls(vertices, faces, normals, *measures)
+        extent, flat, rounding = np.zeros((3, len(faces)), np.float32)
+        _measure(vertices, faces, normals, (extent, flat, rounding))
+        return cls(vertices, faces, normals, extent, flat, rounding)
 
     def reversed(self) -> Surface:
         """The same faces, seen from behind."""
