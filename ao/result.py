@@ -189,7 +189,7 @@ class Bake(Columns):
         )
         from obscurance.raytrace.image.colour import decode_srgb
 
-        greys = np.repeat(decode_srgb(self.w)[:, None], 3, axis=1)
+        greys = np.repeat(decode_srgb(self.w)[:, None], 3, axis=1).astype(np.float64)
         shape = Shape(self.mesh, Lambert(albedo=(1, 1, 1), two_sided="viewer"), colours=greys)
         camera = Camera.framing(self.mesh, aspect=4 / 3)
         ahead = DirectionalLight(direction=camera.axes()[2].tolist(), intensity=(0.4 * math.pi,) * 3)
