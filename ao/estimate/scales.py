@@ -96,8 +96,7 @@ def denoise_over_scales(
     amount = _AMOUNTS[min(range(len(_AMOUNTS)), key=lambda column: risk(by_amount[column]))]
     shrunk = detail.shrunk(np.array([amount]), threads)
     del finest, detail
-    w, error = np.ascontiguousarray(shrunk.T, np.float64)
-    return w, shrunk_to_mean(error)
+    return shrunk[:, 0].astype(np.float64), shrunk_to_mean(shrunk[:, 1].astype(np.float64))
 
 
 def _mean_variance(gathered: Float32s) -> float:

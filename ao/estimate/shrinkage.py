@@ -84,7 +84,7 @@ def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: f
         _normal_equations.on(threads)(block.rows, fit, at, moments)
         moments = block.neighbours.smooth(moments, _FIT_REACH)[block.of_rows]
         _local_fits.on(threads)(block.of_all.start or 0, fit, shape, moments, at)
-    w, error = np.empty((2, len(points)))
+    w, error = np.empty(len(points)), np.empty(len(points))
     neighbours.smooth(at.excess, _REACH, then=lambda beyond: _shrink.for_rows(gathered, beyond, at, w, error))
     return w, shrunk_to_mean(error)
 
