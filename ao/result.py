@@ -174,14 +174,28 @@ class Bake(Columns):
         return to_html(self) if to_html and self.at == "vertices" else None
 
     def _repr_png_(self) -> bytes | None:
-        """A picture for notebooks: w on the mesh in ambient light, as it stands (`Mesh.up`)."""
+        """A picture for notebooks: w on the mesh as grey, a little lighter where it faces the camera (`Mesh.up`)."""
         if self.at != "vertices":
             return None
-        from obscurance.raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
+        from obscurance.raytrace import (
+            AmbientLight,
+            Camera,
+            DirectionalLight,
+            Lambert,
+            Object,
+            Scene,
+            Settings,
+            Shape,
+            render,
+        )
+        from obscurance.raytrace.image.colour import decode_srgb
 
-        white = Object(Shape(self.mesh, Lambert(albedo=(1, 1, 1), two_sided="viewer")), w=self.w)
-        scene = Scene((white,), (AmbientLight(intensity=(1, 1, 1)),), background=(0.05, 0.05, 0.05))
+        greys = np.repeat(decode_srgb(self.w)[:, None], 3, axis=1).astype(np.float64)
+        shape = Shape(self.mesh, Lambert(albedo=(1, 1, 1), two_sided="viewer"), colours=greys)
         camera = Camera.framing(self.mesh, aspect=4 / 3)
+        ahead = DirectionalLight(direction=camera.axes()[2].tolist(), intensity=(0.4 * math.pi,) * 3)
+        lights = AmbientLight(intensity=(0.6, 0.6, 0.6)), ahead
+        scene = Scene((Object(shape),), lights, background=(0.05, 0.05, 0.05))
         return render(scene, camera, Settings(width=480, height=360, samples=4), layers=False)._repr_png_()
 
     @property

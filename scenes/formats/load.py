@@ -219,7 +219,7 @@ def load(
 
 def _cloud(instances: list[Instance], path: Path) -> tuple[list[Instance], tuple[Float64s, Float64s]]:
     """Discs in place of the points, and the points and normals (k, 3) themselves. Raises: MeshError."""
-    from obscurance.ao.methods.point_values import discs
+    from obscurance.ao.points.discs import discs
 
     whole = instances[0]
     if len(instances) > 1 or len(whole.faces) or whole.normals is None:
