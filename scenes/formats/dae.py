@@ -12,19 +12,17 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from obscurance.raytrace.mesh.mesh import PerCorner
 from obscurance.raytrace.types import Float64s, Int64s
 
-from ..geometry.attributes import SourceAttributes, SourceMaterial, find_picture
-from ..geometry.instances import Instance, check_copies
-from ..geometry.polygons import triangulate
+from ..asset.asset import Asset, Node
+from ..asset.material import Colour, Material, find_picture, picture
+from ..asset.primitive import COLOR, Column, Columns, Primitive
+from ..geometry.instances import check_copies
 from .table import MeshInput
 from .threemf import check_archive
 
-Colour = tuple[float, float, float]
 
-
-def read_dae(mesh_input: MeshInput) -> list[Instance]:
+def read_dae(mesh_input: MeshInput) -> Asset:
     """Every geometry where its nodes place it, its vertices once, whatever uses them.
 
     Raises: MeshError: very many copies, or an archive that unpacks to very much. Exception: of pycollada.
@@ -38,8 +36,10 @@ def read_dae(mesh_input: MeshInput) -> list[Instance]:
     if mesh_input.path.suffix.lower() == ".zae":
         check_archive(file, mesh_input.source)
     content = Collada(file, ignore=[DaeError])
-    up = str(content.assetInfo.upaxis or "y")[0].lower()
-    instances = []
+    primitives: list[Primitive] = []
+    nodes = []
+    materials: dict[Material, int] = {}
+    unread: dict[str, None] = {}
     placed_elements = 0
     for placed in _placed(content.scene) if content.scene else ():
         shape = placed.original
@@ -48,43 +48,40 @@ def read_dae(mesh_input: MeshInput) -> list[Instance]:
         for piece in shape.primitives:
             if isinstance(piece, Polylist | TriangleSet) and piece.vertex is not None:
                 sets.setdefault(id(piece.vertex), []).append(piece)
-        for primitives in sets.values():
-            vertices = np.asarray(primitives[0].vertex, np.float64)
-            corners = np.concatenate([np.ravel(piece.vertex_index) for piece in primitives]).astype(np.int64)
-            counts = [getattr(piece, "vcounts", np.full(len(piece.vertex_index), 3)) for piece in primitives]
-            sizes = np.concatenate(counts).astype(np.int64)
-            placed_elements += len(vertices) + len(corners)
+        for pieces in sets.values():
+            placed_elements += len(pieces[0].vertex) + sum(np.size(piece.vertex_index) for piece in pieces)
             check_copies(placed_elements, file.seek(0, os.SEEK_END), mesh_input.path)
-            # The polygons' triangles, placed by the node.
-            triangles = triangulate(vertices, corners, sizes, mesh_input.source)
-            instance = Instance(
-                str(shape.name or shape.id),
-                vertices,
-                triangles.take(corners),
-                matrix=np.asarray(placed.matrix, np.float64),
-                notes=triangles.notes,
-                up=up,
-            )
-            # What else the mesh has, for an output that can hold it.
-            if mesh_input.keep:
-                materials, unread = _materials(placed, primitives, mesh_input.path.parent)
-                attributes = SourceAttributes(
-                    corners,
-                    sizes,
-                    triangles,
-                    uv=_coordinates(primitives),
-                    colors=_colours(primitives, len(vertices)),
-                    materials=materials,
-                    material_of=np.repeat(np.arange(len(primitives)), [len(count) for count in counts]),
-                    files=tuple(material.texture for material in materials if material.texture),
-                )
-                instance = instance._replace(attributes=attributes, unread=unread)
-            instances.append(instance)
-    if content.errors and instances:
+            primitive = _primitive(pieces, mesh_input.source)
+            used = _materials(placed, pieces, mesh_input.path.parent, unread)
+            numbers = [materials.setdefault(material, len(materials)) for material in used]
+            of_pieces = [len(_counts(piece)) for piece in pieces]
+            nodes.append(Node(str(shape.name or shape.id), (len(primitives),), np.asarray(placed.matrix, np.float64)))
+            primitives.append(primitive._replace(material=np.repeat(numbers, of_pieces)))
+    notes = [note for primitive in primitives for note in primitive.triangles.notes]
+    if content.errors and primitives:
         faults = " ".join(str(getattr(content.errors[0], "msg", content.errors[0])).split())
-        left_out = f"{len(content.errors):,} parts of the document are malformed and left out: {faults}"
-        instances[0] = instances[0]._replace(notes=(*instances[0].notes, left_out))
-    return instances
+        notes.append(f"{len(content.errors):,} parts of the document are malformed and left out: {faults}")
+    up = str(content.assetInfo.upaxis or "y")[0].lower()
+    pictures = tuple(path for material in materials for path in material.pictures)
+    return Asset(
+        mesh_input.path, tuple(primitives), tuple(nodes), tuple(materials),
+        up=up, told=dict.fromkeys(notes), unread=tuple(unread), pictures=pictures,
+    )  # fmt: skip
+
+
+def _primitive(pieces: list[Any], source: str) -> Primitive:
+    """Primitives of a geometry that share vertices, as one."""
+    vertices = np.asarray(pieces[0].vertex, np.float64)
+    corners = np.concatenate([np.ravel(piece.vertex_index) for piece in pieces]).astype(np.int64)
+    sizes = np.concatenate([_counts(piece) for piece in pieces]).astype(np.int64)
+    found = {"uv0": _coordinates(pieces), COLOR: _colours(pieces, len(vertices))}
+    columns = Columns({name: column for name, column in found.items() if column})
+    return Primitive.of(vertices, corners, sizes, source, columns=columns)
+
+
+def _counts(piece: Any) -> Any:
+    """How many corners each polygon of a primitive has."""
+    return getattr(piece, "vcounts", np.full(len(piece.vertex_index), 3))
 
 
 def _placed(scene: Any) -> Iterator[Any]:
@@ -108,7 +105,7 @@ def unit(file: BinaryIO) -> float:
     return float(element.get("meter", 1.0)) if element.tag.endswith("unit") else 0.0
 
 
-def _coordinates(pieces: list[Any]) -> PerCorner | None:
+def _coordinates(pieces: list[Any]) -> Column | None:
     """The first set of texture coordinates of all corners, NaN where a primitive has none; None if none has."""
     if not any(len(piece.texcoord_indexset) for piece in pieces):
         return None
@@ -122,10 +119,10 @@ def _coordinates(pieces: list[Any]) -> PerCorner | None:
         else:
             of.append(np.full(np.size(piece.vertex_index), start))
             values.append(np.full((1, 2), np.nan))
-    return PerCorner(np.concatenate(values), np.concatenate(of))
+    return Column(np.concatenate(values), np.concatenate(of))
 
 
-def _colours(pieces: list[Any], count: int) -> Float64s | None:
+def _colours(pieces: list[Any], count: int) -> Column | None:
     """Colours (n, 3) of the vertices, each from one of its corners; None unless all primitives have some."""
     colours = np.ones((count, 3))
     for piece in pieces:
@@ -136,37 +133,34 @@ def _colours(pieces: list[Any], count: int) -> Float64s | None:
         values = np.asarray(sources[0][4].data, np.float64)[:, :3]
         places = np.reshape(piece.index, (-1, piece.index.shape[-1]))[:, offset]
         colours[np.ravel(piece.vertex_index)] = values[places].clip(0, 1)
-    return colours
+    return Column(colours, srgb=True)
 
 
-def _materials(placed: Any, pieces: list[Any], folder: Path) -> tuple[tuple[SourceMaterial, ...], tuple[str, ...]]:
-    """The material of each primitive as its node binds it, and textures that are left out, in words."""
-    materials = []
-    unread = []
+def _materials(placed: Any, pieces: list[Any], folder: Path, unread: dict[str, None]) -> Iterator[Material]:
+    """The material of each primitive as its node binds it. Args: unread: gets textures that are left out, in words."""
     for piece in pieces:
         node = placed.materialnodebysymbol.get(piece.material)
         material = node.target if node else None
         name = str(piece.material or "default")
         if material is None:
-            materials.append(SourceMaterial(name))
+            yield Material(name)
             continue
         effect = material.effect
         texture = None
         if sampler := getattr(effect.diffuse, "sampler", None):  # an image in place of a colour
-            picture = str(sampler.surface.image.path)
-            texture = find_picture(unquote(picture), folder) or find_picture(picture, folder)
-            unread += [] if texture else [f"texture of diffuse ({picture})"]
+            path = str(sampler.surface.image.path)
+            texture = find_picture(unquote(path), folder) or find_picture(path, folder)
+            if not texture:
+                unread[f"texture of diffuse ({path})"] = None
         shininess = effect.shininess
-        made = SourceMaterial(
+        yield Material(
             str(material.name or name),
             _colour(effect.diffuse, 1.0),
             emission=_colour(effect.emission, 0.0),
             specular=_colour(effect.specular, 0.0),
             exponent=float(shininess) if isinstance(shininess, int | float) and shininess > 0 else 0.0,
-            texture=texture,
+            texture=picture(texture),
         )
-        materials.append(made)
-    return tuple(materials), tuple(dict.fromkeys(unread))
 
 
 def _colour(value: Any, otherwise: float) -> Colour:

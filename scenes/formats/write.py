@@ -15,7 +15,8 @@ import numpy as np
 from obscurance.raytrace.errors import ConflictError, OptionError, Term
 from obscurance.raytrace.system.atomic import PathName, check_writable, write_bytes
 
-from .load import MeshFile, load
+from ..asset.asset import Asset
+from .load import load
 from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def check_holds(path: PathName, at: str, both_sides: bool) -> None:
 def write(
     path: str | os.PathLike[str],
     bake: Bake | BakedTexture | Sequence[Bake | BakedTexture],
-    mesh_file: MeshFile | str | os.PathLike[str] | Any = None,
+    mesh_file: Asset | str | os.PathLike[str] | Any = None,
     *,
     colors: Colors | None = None,
     occlusion: Occlusion | None = None,
@@ -99,8 +100,8 @@ def write(
     source = getattr(several[0], "mesh", None) if mesh_file is None else mesh_file
     if isinstance(source, str | os.PathLike):
         source = load(source, path)
-    elif not isinstance(source, MeshFile):
-        source = MeshFile.of(source)
+    elif not isinstance(source, Asset):
+        source = Asset.of(source)
     if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
             if value:
@@ -119,12 +120,12 @@ def write(
     write_vertices(path, values, source, where)
 
 
-def write_vertices(path: PathName, bake: Bake, mesh_file: MeshFile, shown: Channels) -> None:
+def write_vertices(path: PathName, bake: Bake, mesh_file: Asset, shown: Channels) -> None:
     """Write a bake per vertex. Args: shown: the channels that viewers look at. Raises: as `write`."""
     write_bytes(path, _writer(path)(bake, mesh_file, shown))
 
 
-def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
+def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: Asset, replace: bool) -> None:
     """Write baked textures, with w of vertices where there is some too. Raises: as `write`."""
     from obscurance.ao.texture.result import BakedTexture
 

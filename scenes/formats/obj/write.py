@@ -9,19 +9,18 @@ from obscurance.ao import Bake
 from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.raytrace.types import AnyFloats
 
-from ..load import MeshFile
+from ...asset.asset import Asset
 
 
-def obj(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
+def obj(bake: Bake, asset: Asset, _: object) -> bytes:
     """The vertices in their order, grey w, sRGB-encoded as programs take such colours; the source's polygons, texture
     coordinates and normals of vertices."""
-    mesh = mesh_file.mesh
-    held = mesh_file.held
+    mesh = asset.mesh
     grey = np.repeat(encode_srgb(bake.w)[:, None], 3, axis=1).astype(np.float64).round(6)
     lines = ["# obscurance: 1 = open; r g b = obscurance as sRGB", *_lines("v", np.hstack([mesh.vertices, grey]))]
-    vertex = list(map(str, (held.corners + 1).tolist()))
+    vertex = list(map(str, (asset.corners + 1).tolist()))
     tokens = vertex
-    uv = held.uv
+    uv = asset.uv_of_polygons()
     if uv and np.isfinite(uv.values).all():
         lines += _lines("vt", uv.values)
         tokens = [f"{token}/{number}" for token, number in zip(tokens, (uv.of + 1).tolist(), strict=True)]
@@ -29,7 +28,7 @@ def obj(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
         lines += _lines("vn", np.nan_to_num(mesh.normals))
         between = "/" if tokens is not vertex else "//"
         tokens = [f"{token}{between}{number}" for token, number in zip(tokens, vertex, strict=True)]
-    ends = np.cumsum(held.sizes).tolist()
+    ends = np.cumsum(asset.sizes).tolist()
     lines += (" ".join(["f", *tokens[begin:end]]) for begin, end in pairwise([0, *ends]))
     return "\n".join([*lines, ""]).encode()
 

@@ -7,26 +7,35 @@ Format: Greg Turk, The PLY polygon file format, 1994. No count is trusted: rows 
 
 import struct
 from array import array
-from dataclasses import replace
 
 import numpy as np
 
 from obscurance.raytrace.errors import MeshError
 
-from ...geometry.attributes import Element, Property
-from ...geometry.instances import Instance
-from ...geometry.polygons import strip_triangles, triangulate
+from ...asset.asset import Asset
+from ...asset.primitive import NORMAL, Column, Primitive, W
+from ...geometry.polygons import strip_triangles
 from ..number_rows import NumberRows, whole
 from ..table import MeshInput
-from .layout import COUNT, INDICES, PlyHeader, columns_of, ply_attributes, read_header, row_of
+from .layout import (
+    COUNT,
+    INDICES,
+    Element,
+    Ply,
+    PlyHeader,
+    Property,
+    columns_of,
+    ply_columns,
+    ply_materials,
+    read_header,
+    row_of,
+)
 
 _NORMAL = ("nx", "ny", "nz")
 
 
-def read_ply(mesh_input: MeshInput) -> list[Instance]:
-    """The vertices and triangles, with normals if there are `nx ny nz`; with `keep` all elements.
-
-    `tristrips` of a file without faces become a face for each triangle.
+def read_ply(mesh_input: MeshInput) -> Asset:
+    """The vertices and polygons, with all elements; `tristrips` of a file without faces become faces.
 
     Raises: MeshError: the file ends early, or has no vertices. ValueError, KeyError: anything else that is not PLY.
     """
@@ -39,27 +48,30 @@ def read_ply(mesh_input: MeshInput) -> list[Instance]:
     if not any(element.count for element in elements if element.name == "vertex"):
         raise MeshError(source, "elements", "one of vertices", "none")
     vertex = {name: column.values for name, column in columns_of(elements, "vertex").items()}
-    vertices = np.stack([vertex[axis] for axis in "xyz"], axis=1)
-    normals = np.stack([vertex[axis] for axis in _NORMAL], axis=1) if set(_NORMAL) <= set(vertex) else None
     # Faces: of both usual names of their list of vertices, the first that the file has.
-    corners = np.empty(0, np.int64)
-    sizes = np.empty(0, np.int64)
+    corners = sizes = np.empty(0, np.int64)
     for column in filter(None, map(columns_of(elements, "face", lists=True).get, INDICES[::-1])):
-        corners = whole(column.values)
-        sizes = column.sizes
-    triangles = triangulate(vertices, corners, sizes, source)
-    instance = Instance(
-        mesh_input.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up
-    )
-    # All elements, for an output that can hold them.
-    if mesh_input.keep:
-        stored = list(map(_declared, elements)) if header.text else elements
-        folder = mesh_input.path.parent
-        attributes = ply_attributes(tuple(stored), header.comments, corners, sizes, triangles, folder)
-        instance = instance._replace(attributes=attributes)
-    w = vertex.get("obscurance")
-    profile = header.profile(vertex)
-    return [instance._replace(w=w, profile=profile, polygons=triangles.polygons)]
+        corners, sizes = whole(column.values), column.sizes
+    # What is kept, of text in the types that the file declares; normals and w have all digits.
+    stored = list(map(_declared, elements)) if header.text else elements
+    columns = ply_columns(stored, sizes)
+    if set(_NORMAL) <= set(vertex):
+        columns |= {NORMAL: Column(np.stack([vertex[axis] for axis in _NORMAL], axis=1))}
+    if W in columns:
+        columns |= {W: Column(vertex["obscurance"])}
+    positions = np.stack([vertex[axis] for axis in "xyz"], axis=1)
+    primitive = Primitive.of(positions, corners, sizes, source, columns=columns, profile=header.profile(vertex))
+    materials = ply_materials(header.comments, mesh_input.path.parent) if "uv0" in columns else ()
+    if materials:
+        face = columns_of(elements, "face")
+        number = face["texnumber"].values if "texnumber" in face else np.zeros(len(sizes))
+        material_of = np.where((number >= 0) & (number < len(materials)), number, -1).astype(np.int64)
+        primitive = primitive._replace(material=material_of)
+    pictures = tuple(path for material in materials for path in material.pictures)
+    raw = Ply(stored, header.kept_comments)
+    return Asset.single(
+        mesh_input.path, mesh_input.name, primitive, materials=materials, up=header.up, pictures=pictures, raw=raw
+    )  # fmt: skip
 
 
 def _cut(strips: Element) -> Element:
@@ -101,7 +113,7 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
             used += 1
         if not np.array_equal(used, lengths):
             raise fault
-        read_elements.append(replace(element, properties=tuple(columns)))
+        read_elements.append(element._replace(properties=tuple(columns)))
         first_line += element.count
     if first_line + 1 < len(lines.bounds):
         raise fault
@@ -129,7 +141,7 @@ def _declared(element: Element) -> Element:
             is_double = overflows or column.name in doubles
             column = column._replace(kind="d") if is_double else column._replace(values=rounded)
         columns.append(column)
-    return replace(element, properties=tuple(columns))
+    return element._replace(properties=tuple(columns))
 
 
 def _read_binary(data: bytes, header: PlyHeader, source: str) -> list[Element]:
@@ -141,7 +153,7 @@ def _read_binary(data: bytes, header: PlyHeader, source: str) -> list[Element]:
             columns, start = _read_rows(data, start, header.order, element)
         except struct.error:
             raise _ends_early(source, element) from None
-        elements.append(replace(element, properties=tuple(columns)))
+        elements.append(element._replace(properties=tuple(columns)))
     return elements
 
 
@@ -156,7 +168,7 @@ def _read_rows(data: bytes, start: int, order: str, element: Element) -> tuple[l
         return _walk(data, start, order, element, element.count)
     columns = []
     for column in element.properties:
-        sizes = np.full(len(table) if column.counted else 0, lengths.get(column.name, 0))
+        sizes = np.broadcast_to(np.int64(lengths.get(column.name, 0)), len(table) if column.counted else 0)
         columns.append(column._replace(values=table[column.name].reshape(-1), sizes=sizes))
     return columns, start + table.nbytes
 

@@ -112,14 +112,14 @@ def test_a_texture_in_a_glb_by_own_coordinates(corner, tmp_path):
     path = tmp_path / "w.glb"
     bake(corner, "-o", path, "--occlusion", "texture", *FEW)
     made = load(path, "kept.glb")
-    assert made.gltf.header["materials"][0]["occlusionTexture"] == {"index": 0}
+    assert made.raw.header["materials"][0]["occlusionTexture"] == {"index": 0}
     assert np.allclose(made.uv, load(corner, "kept.glb").uv, atol=1e-6)
 
 
 def test_one_image_for_occlusion_roughness_and_metalness(corner, tmp_path):
     path = tmp_path / "w.glb"
     bake(corner, "-o", path, "--occlusion", "texture", "--orm", *FEW)
-    material = load(path, "kept.glb").gltf.header["materials"][0]
+    material = load(path, "kept.glb").raw.header["materials"][0]
     assert material["occlusionTexture"] == material["pbrMetallicRoughness"]["metallicRoughnessTexture"] == {"index": 0}
 
 
@@ -236,7 +236,7 @@ def test_faces_without_area_on_the_page_get_charts_of_their_own_in_a_glb(tmp_pat
     assert len(json.loads((tmp_path / "r.json").read_text())["pages"]) == 2
     found = load(made)
     sets = [found.texture_coordinates(number) for number in range(2)]
-    assert [drawn.primitive_number for drawn in found.gltf.drawn] == [0, 1]
+    assert [drawn.primitive_number for drawn in found.raw.drawn] == [0, 1]
     old, new = (part.faces for part in found.parts)
     assert np.allclose(sets[0][old], load(path, "kept.glb").uv[:2], atol=1e-6)
     assert np.ptp(sets[1][new], axis=1).min() > 0.1
