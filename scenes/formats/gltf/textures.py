@@ -109,7 +109,7 @@ class Textures:
             try:
                 self._made[key] = replace(self.image(image), wrap=key[1], srgb=srgb)
             except SceneError as reason:
-                return None, self._without_path(reason)
+                return None, fault or self._without_path(reason)
         return self._made[key], fault
 
     def _without_path(self, fault: InputError) -> str:

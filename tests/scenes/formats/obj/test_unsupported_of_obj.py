@@ -7,7 +7,7 @@ from command import obscurance
 from gltf_files import check_glb, values
 from kept_contents import bake, columns
 
-from obscurance.raytrace.image.texture import Texture, texture_alpha
+from obscurance.raytrace.image.texture import texture_alpha
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.obj.mtl import read_mtl
 from obscurance.scenes.formats.obj.read import MAX_OBJECTS
