@@ -13,7 +13,7 @@ import numpy as np
 from obscurance.raytrace.errors import MeshError, OptionError, first_names, printable
 from obscurance.raytrace.mesh.mesh import Mesh, PerCorner, mesh_of
 from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
-from obscurance.raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 from ..geometry.instances import cofactors
 from ..geometry.polygons import Triangulation
@@ -421,12 +421,12 @@ class Asset:
             faces = np.flatnonzero(material_of == number)
             lookup = material.opacity_texture
             places = None if material.alpha == "opaque" else self.places(primitive, lookup)
-            has_uv = np.zeros(len(faces), np.bool_)
+            has_uv: Bools = np.zeros(len(faces), np.bool_)
             if lookup and places and lookup.texture is None:
                 self._leave_out(lookup)
             elif places:
                 at_corners = places.values[primitive.rows(places)[faces]]
-                has_uv = ~np.isnan(at_corners).any(axis=(1, 2))
+                has_uv = np.asarray(~np.isnan(at_corners).any(axis=(1, 2)))
                 uv = np.zeros((len(of), 3, 2)) if uv is None else uv
                 uv[faces[has_uv]] = at_corners[has_uv]
             if material.alpha != "opaque" and colours and not colours.srgb and colours.values.shape[1] == 4:

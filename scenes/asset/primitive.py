@@ -107,7 +107,7 @@ class Primitive(NamedTuple):
     stored: Any = None  # where the file has it
 
     @classmethod
-    def of(cls, positions: Array, corners: Array, sizes: Array | None = None, source: object = "", **more: Any) -> Self:
+    def of(cls, positions: Array, corners: Array, sizes: Array | None = None, source: Any = "", **more: Any) -> Self:
         """A primitive of polygons, or without `sizes` of triangles. Raises: MeshError: as `triangulate`."""
         if sizes is None or (sizes.strides == (0,) and len(sizes) and sizes[0] == 3):
             one_each = np.broadcast_to(np.int64(1), len(corners) // 3)

@@ -68,7 +68,8 @@ def load(
     path = Path(path)
     aim = format_of(target or "")
     keeps = not target or names or "source" in aim.holds or aim.ending == ".html"
-    asset = replace(read_asset(path, content, alpha, points), **({"up": up} if up else {}))
+    asset = read_asset(path, content, alpha, points)
+    asset = replace(asset, up=up or asset.up)
     with parser_errors(path):
         if points:
             asset = _of_points(asset)

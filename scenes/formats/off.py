@@ -39,8 +39,8 @@ def read_off(mesh_input: MeshInput) -> Asset:
         raise MeshError(source, "content", expected, "an end before that")
     fault = MeshError(source, "content", expected, "lines of fewer numbers")
     has_normals = b"N" in header[1]
-    columns = 6 if has_normals else 3
-    vertex_rows = lines.take(of_vertices, 0, columns, fault).reshape(-1, columns)
+    width = 6 if has_normals else 3
+    vertex_rows = lines.take(of_vertices, 0, width, fault).reshape(-1, width)
     sizes, values = lines.take_lists(of_faces, 0, fault)
     corners = whole(values)
     columns = Columns({NORMAL: Column(vertex_rows[:, 3:])} if has_normals else {})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -67,7 +68,8 @@ class Property(NamedTuple):
         return self._replace(kind=kind, counted=counted)
 
 
-class Element(NamedTuple):
+@dataclass(eq=False)
+class Element:
     """So many rows of some properties of a PLY file."""
 
     name: str
@@ -100,7 +102,7 @@ class Ply(Stored):
             return column._replace(values=values)
 
         elements = [
-            element._replace(properties=tuple(turned(element.name, column) for column in element.properties))
+            replace(element, properties=tuple(turned(element.name, column) for column in element.properties))
             for element in self.elements
         ]
         return type(self)(elements, self.comments)

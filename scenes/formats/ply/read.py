@@ -7,6 +7,7 @@ Format: Greg Turk, The PLY polygon file format, 1994. No count is trusted: rows 
 
 import struct
 from array import array
+from dataclasses import replace
 
 import numpy as np
 
@@ -113,7 +114,7 @@ def _read_text(data: bytes, header: PlyHeader, source: str) -> list[Element]:
             used += 1
         if not np.array_equal(used, lengths):
             raise fault
-        read_elements.append(element._replace(properties=tuple(columns)))
+        read_elements.append(replace(element, properties=tuple(columns)))
         first_line += element.count
     if first_line + 1 < len(lines.bounds):
         raise fault
@@ -141,7 +142,7 @@ def _declared(element: Element) -> Element:
             is_double = overflows or column.name in doubles
             column = column._replace(kind="d") if is_double else column._replace(values=rounded)
         columns.append(column)
-    return element._replace(properties=tuple(columns))
+    return replace(element, properties=tuple(columns))
 
 
 def _read_binary(data: bytes, header: PlyHeader, source: str) -> list[Element]:
@@ -153,7 +154,7 @@ def _read_binary(data: bytes, header: PlyHeader, source: str) -> list[Element]:
             columns, start = _read_rows(data, start, header.order, element)
         except struct.error:
             raise _ends_early(source, element) from None
-        elements.append(element._replace(properties=tuple(columns)))
+        elements.append(replace(element, properties=tuple(columns)))
     return elements
 
 

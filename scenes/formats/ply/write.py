@@ -56,7 +56,7 @@ def ply(bake: Bake, asset: Asset, channels: Channels) -> bytes:
     fitting = []
     for element in elements:
         annotated = _annotate(element, values, colour_channels, further) if element.name == named else element
-        fitting.append(element._replace(properties=tuple(column.fitting() for column in annotated.properties)))
+        fitting.append(replace(element, properties=tuple(column.fitting() for column in annotated.properties)))
     return b"".join([layout.write_header(fitting, comments), *map(_rows, fitting)])
 
 
@@ -134,7 +134,7 @@ def _annotate(element: Element, bake: Bake, colour_channels: str, further: str |
     elif colour_channels:
         grey = grey_of(bake.w)
         added += [Property(name, "B", grey) for name in RGB]
-    return element._replace(properties=(*unchanged, *added))
+    return replace(element, properties=(*unchanged, *added))
 
 
 def _elements(asset: Asset) -> tuple[Element, ...]:
