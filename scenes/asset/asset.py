@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
+import numpy.typing as npt
 
 from obscurance.raytrace.errors import MeshError, OptionError, first_names, printable
 from obscurance.raytrace.mesh.mesh import Mesh, PerCorner, mesh_of
@@ -18,7 +19,7 @@ from obscurance.raytrace.types import Bools, Float64s, Int64s
 from ..geometry.instances import cofactors
 from ..geometry.polygons import Triangulation
 from .material import Lookup, Material
-from .primitive import COLOR, NORMAL, RAMP, Array, Column, Columns, Primitive, W
+from .primitive import COLOR, NORMAL, RAMP, Array, Column, ColumnSet, Primitive, W
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
@@ -139,8 +140,6 @@ class Asset:
         lines = dict.fromkeys((*notes, *primitive.triangles.notes))
         return cls(path, (primitive,), (Node(name, (0,)),), told=lines, **more)
 
-    # The file's content as one.
-
     @cached_property
     def parts(self) -> tuple[Part, ...]:
         """The primitives of all nodes, consecutive in the mesh."""
@@ -174,7 +173,9 @@ class Asset:
                 # Indices are checked against the part's own vertices: shifted ones could fall into a neighbour's range.
                 checked = Mesh(vertices[part.vertices], part.primitive.faces, source=f"{source}: {part.name}").faces
                 faces[part.faces] = checked + part.vertices.start
-        return self._with_opacity(Mesh(vertices, faces, **facts, **self._normals()))
+        mesh = Mesh(vertices, faces, **facts, **self._normals())
+        opacity = self._opacity() if self.has_alpha else None
+        return replace(mesh, opacity=opacity) if opacity else mesh
 
     def _normals(self) -> dict[str, Any]:
         """Normals in the world, `normals` of vertices or else `corner_normals`; NaN where a part has none."""
@@ -192,13 +193,8 @@ class Asset:
             sizes = [len(part.primitive.positions) for part in self.parts]
             rows = [np.broadcast_to(one.values, (n, 3)) for one, n in zip(placed, sizes, strict=True)]
             return {"normals": rows[0] if len(rows) == 1 else np.concatenate(rows)}
-        there = [placed[n] if columns[n] else None for n in range(len(placed))]
-        normals = self._joined(there, (3,))
+        normals = self._on_faces(self._joined([placed[n] if columns[n] else None for n in range(len(placed))]))
         return {"corner_normals": normals._replace(of=normals.of.reshape(-1, 3))}
-
-    def _with_opacity(self, mesh: Mesh) -> Mesh:
-        opacity = self._opacity() if self.has_alpha else None
-        return replace(mesh, opacity=opacity) if opacity else mesh
 
     @cached_property
     def corners(self) -> Int64s:
@@ -227,7 +223,7 @@ class Asset:
         places = [cut.take(np.arange(n)) + at for cut, n, at in zip(each, lengths, starts, strict=True)]
         return Triangulation(counts, sum(cut.crossing for cut in each), np.concatenate(places))
 
-    # Columns of all parts.
+    # ColumnSet of all parts.
 
     def columns(self, name: str) -> list[Column | None] | None:
         """A column of each part; None if no part has it."""
@@ -243,27 +239,33 @@ class Asset:
             return np.concatenate([column.values.astype(np.float64) for column in columns if column])
 
     def per_corner(self, name: str) -> PerCorner | None:
-        """A column by the triangles' corners (3 m,), NaN of parts that lack it; None if all do."""
+        """A column by the corners of the mesh's faces (3 m,), NaN of parts that lack it; None if all do."""
         columns = self.columns(name)
-        if columns is None:
-            return None
-        return self._joined(columns, next(column.values.shape[1:] for column in columns if column))
+        return None if columns is None else self._on_faces(self._joined(columns))
 
-    def _joined(self, columns: Sequence[Column | None], width: tuple[int, ...]) -> PerCorner:
-        """Columns of the parts by the triangles' corners (3 m,), NaN of parts without."""
+    def uv_of_polygons(self) -> PerCorner | None:
+        """The first texture coordinates by the corners of polygons (c,), (0, 1) of parts without; None if all are."""
+        columns = self.columns("uv0")
+        return None if columns is None else self._joined(columns, (0.0, 1.0))
+
+    def _joined(self, columns: Sequence[Column | None], missing: npt.ArrayLike = np.nan) -> PerCorner:
+        """ColumnSet of the parts by the corners of polygons (c,), `missing` of parts without."""
+        width = next(column.values.shape[1] for column in columns if column)
         values: list[Float64s] = []
         of: list[Int64s] = []
         start = 0
         for part, column in zip(self.parts, columns, strict=True):
-            count = part.faces.stop - part.faces.start
-            rows = np.zeros(3 * count, np.int64) if column is None else np.ravel(part.primitive.rows(column))
-            own = np.full((1, *width), np.nan) if column is None else column.values.astype(np.float64, copy=False)
-            values.append(own)
-            of.append(rows + start if start else rows)
+            corners = part.primitive.corners
+            rows = corners if column is None or column.of is None else column.of
+            own = np.broadcast_to(missing, (1, width)) if column is None else column.values
+            of.append(np.asarray(0 * rows if column is None else rows, np.int64) + start)
+            values.append(own.astype(np.float64, copy=False))
             start += len(own)
-        if len(values) == 1:
-            return PerCorner(values[0], of[0])
-        return PerCorner(np.concatenate(values), np.concatenate(of))
+        return PerCorner(values[0], of[0]) if len(of) == 1 else PerCorner(np.concatenate(values), np.concatenate(of))
+
+    def _on_faces(self, values: PerCorner) -> PerCorner:
+        """Values of the corners of polygons as those of the mesh's faces (3 m,)."""
+        return values._replace(of=self.triangles.take(values.of).ravel())
 
     @property
     def uv(self) -> Float64s | None:
@@ -282,21 +284,6 @@ class Asset:
             return None
         corners = uv.values[uv.of.reshape(-1, 3)]
         return np.where(np.isnan(corners).any(axis=(1, 2), keepdims=True), np.nan, corners)
-
-    def uv_of_polygons(self) -> PerCorner | None:
-        """The first texture coordinates by the corners of polygons (c,), (0, 1) of parts without; None if all are."""
-        columns = self.columns("uv0")
-        if columns is None:
-            return None
-        each = []
-        for part, column in zip(self.parts, columns, strict=True):
-            filled = column or Column(np.array([[0.0, 1.0]]), np.zeros(len(part.primitive.corners), np.int64))
-            each.append(part.primitive.on_corners(filled))
-        starts = np.cumsum([0, *(len(one.values) for one in each[:-1])])
-        if len(each) == 1:
-            return each[0]
-        of = [one.of + start for one, start in zip(each, starts, strict=True)]
-        return PerCorner(np.concatenate([one.values for one in each]), np.concatenate(of))
 
     def colours(self, srgb: bool = False, grey: bool = False) -> Float64s | None:
         """Red, green, blue and maybe alpha (n, 3 or 4) of the vertices, 1 where a part has none; None if none has.
@@ -337,8 +324,6 @@ class Asset:
         from obscurance.ao import Profile
 
         return Profile.joined(there)
-
-    # Objects and materials.
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -408,16 +393,17 @@ class Asset:
 
     def opacity_of(self, primitive: Primitive) -> Opacity | None:
         """Alpha of a primitive's triangles; None where all are opaque."""
+        seen_through = {n for n, one in enumerate(self.materials) if one.surface(False) or one.surface(True)}
+        if not seen_through:
+            return None
         material_of = primitive.of_faces(primitive.material)
         of = np.full(len(material_of), -1)
         surfaces: list[AlphaSurface] = []
         uv: Float64s | None = None
         corners: Float64s | None = None
         colours = primitive.columns.get(COLOR)
-        for number in np.unique(material_of).tolist():
-            material = self.material(number)
-            if material.surface(False) is None and material.surface(True) is None:
-                continue
+        for number in seen_through.intersection(np.unique(material_of).tolist()):
+            material = self.materials[number]
             faces = np.flatnonzero(material_of == number)
             lookup = material.opacity_texture
             places = None if material.alpha == "opaque" else self.places(primitive, lookup)
@@ -439,8 +425,6 @@ class Asset:
                     surfaces.append(surface)
         return None if (of < 0).all() else Opacity(of, tuple(surfaces), uv, corners)
 
-    # Changes.
-
     def with_mesh(self, mesh: Mesh) -> Self:
         """The asset with another mesh of the same faces in place of its own."""
         changed = replace(self)
@@ -460,14 +444,12 @@ class Asset:
             faces = self.mesh.faces[part.faces]
             corners = (faces - part.vertices.start if part.vertices.start else faces).ravel()
             w = part.primitive.columns.get(W)
-            columns = Columns({W: w._replace(values=w.values.astype(np.float64))} if w else {})
+            columns = ColumnSet({W: w._replace(values=w.values.astype(np.float64))} if w else {})
             kept = Primitive.of(self.mesh.vertices[part.vertices], corners, columns=columns)
             primitives.append(kept._replace(profile=part.primitive.profile))
         nodes = tuple(Node(part.name, (number,)) for number, part in enumerate(self.parts))
         changed = replace(self, primitives=tuple(primitives), nodes=nodes, materials=(), raw=None, pictures=())
         return changed.with_mesh(self.mesh)
-
-    # Frames and vertices of a bake.
 
     @property
     def is_scene(self) -> bool:

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from obscurance.raytrace.image.colour import decode_srgb, encode_srgb
-from obscurance.raytrace.mesh.mesh import PerCorner
 from obscurance.raytrace.types import Float64s, Int64s
 
 from ..geometry.polygons import Triangulation, triangulate
@@ -47,8 +46,8 @@ class Column(NamedTuple):
         return np.concatenate([change(values[:, :3]).astype(np.float64), values[:, 3:]], axis=1)
 
 
-class Columns(Mapping[str, Column]):
-    """Columns by name, each read when it is first asked for: one that is malformed troubles only its users."""
+class ColumnSet(Mapping[str, Column]):
+    """ColumnSet by name, each read when it is first asked for: one that is malformed troubles only its users."""
 
     def __init__(self, columns: Mapping[str, Column | Callable[[], Column]] = {}) -> None:
         self._columns = dict(columns)
@@ -68,12 +67,12 @@ class Columns(Mapping[str, Column]):
     def __len__(self) -> int:
         return len(self._columns)
 
-    def __or__(self, others: Mapping[str, Column]) -> Columns:
-        return Columns({**self._columns, **others})
+    def __or__(self, others: Mapping[str, Column]) -> ColumnSet:
+        return ColumnSet({**self._columns, **others})
 
-    def without(self, name: str) -> Columns:
-        """All columns but one."""
-        return Columns({other: column for other, column in self._columns.items() if other != name})
+    def only(self, *names: str) -> ColumnSet:
+        """The columns of these names, as far as there are any."""
+        return ColumnSet({name: column for name, column in self._columns.items() if name in names})
 
 
 class Lazy(Sequence[T]):
@@ -99,7 +98,7 @@ class Primitive(NamedTuple):
     corners: Array  # (c,) vertices, polygon after polygon
     sizes: Array  # (p,) corners of each polygon
     triangles: Triangulation  # of the polygons
-    columns: Columns = Columns()
+    columns: ColumnSet = ColumnSet()
     material: Int64s | None = None  # (p,) in `Asset.materials`, −1: none; None: no polygon has one
     object: Int64s | None = None  # (p,) in `Asset.names`, −1: that of the node; None: all are
     profile: Profile | None = None  # that a bake has left
@@ -130,11 +129,6 @@ class Primitive(NamedTuple):
         """The row of a column that each corner of the triangles has, (m, 3)."""
         return self.triangles.take(self.corners if column.of is None else column.of)
 
-    def on_corners(self, column: Column) -> PerCorner:
-        """A column by the corners of the polygons."""
-        of = self.corners if column.of is None else column.of
-        return PerCorner(column.values.astype(np.float64, copy=False), of)
-
     @property
     def own_colours(self) -> Column | None:
         """The colours of the vertices, None where they are the grey by which a bake has shown w."""
@@ -164,7 +158,7 @@ class Primitive(NamedTuple):
             values = -column.values if name == NORMAL else column.values
             return column._replace(values=values, of=None if column.of is None else column.of[order])
 
-        columns = Columns({name: partial(turned, name) for name in self.columns})
+        columns = ColumnSet({name: partial(turned, name) for name in self.columns})
         return self._replace(corners=self.corners[order], triangles=triangles, columns=columns)
 
 

@@ -31,9 +31,7 @@ from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, 
 _COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
 
 
-def mesh_scene(
-    source: Asset, settings: Settings, up: str | None = None, view: str | None = None
-) -> SceneDescription:
+def mesh_scene(source: Asset, settings: Settings, up: str | None = None, view: str | None = None) -> SceneDescription:
     """The scene of a mesh, in its materials, the colours of its vertices, or grey. Args: up, view: as `framing`."""
     shapes = list(_shapes(source))
     objects = tuple(Object(shape, name=source.path.stem) for shape, _ in shapes)

@@ -16,7 +16,7 @@ from obscurance.raytrace.types import Float64s, Int64s
 
 from ..asset.asset import Asset, Node
 from ..asset.material import Colour, Material, find_picture, picture
-from ..asset.primitive import COLOR, Column, Columns, Primitive
+from ..asset.primitive import COLOR, Column, ColumnSet, Primitive
 from ..geometry.instances import check_copies
 from .table import MeshInput
 from .threemf import check_archive
@@ -75,7 +75,7 @@ def _primitive(pieces: list[Any], source: str) -> Primitive:
     corners = np.concatenate([np.ravel(piece.vertex_index) for piece in pieces]).astype(np.int64)
     sizes = np.concatenate([_counts(piece) for piece in pieces]).astype(np.int64)
     found = {"uv0": _coordinates(pieces), COLOR: _colours(pieces, len(vertices))}
-    columns = Columns({name: column for name, column in found.items() if column})
+    columns = ColumnSet({name: column for name, column in found.items() if column})
     return Primitive.of(vertices, corners, sizes, source, columns=columns)
 
 

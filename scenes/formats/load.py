@@ -19,7 +19,7 @@ from obscurance.raytrace.mesh.normals import useless_normals
 from obscurance.raytrace.system.checks import check_memory, check_regular
 
 from ..asset.asset import Asset
-from ..asset.primitive import COLOR, FLOAT, NORMAL, Primitive
+from ..asset.primitive import COLOR, FLOAT, NORMAL, Primitive, W
 from .table import MeshInput, format_of, formats, sniffed_format
 
 _CONVERTERS = dict.fromkeys((".abc", ".blend", ".fbx", ".usd", ".usda", ".usdc", ".usdz"), "Blender") | dict.fromkeys(
@@ -67,48 +67,45 @@ def load(
     """
     path = Path(path)
     aim = format_of(target or "")
+    is_scene = "scene" in format_of(path).holds
     keeps = not target or names or "source" in aim.holds or aim.ending == ".html"
     asset = read_asset(path, content, alpha, points)
     asset = replace(asset, up=up or asset.up)
     with parser_errors(path):
         if points:
             asset = _of_points(asset)
+        if not keeps and not asset.has_alpha:  # frees memory before the mesh takes some
+            bare = (one._replace(columns=one.columns.only(NORMAL, W)) for one in asset.primitives)
+            asset = replace(asset, raw=None, primitives=tuple(bare))
         mesh = asset.mesh
         if "source" in aim.holds:
-            asset = _checked(asset, lenient="scene" not in aim.holds)
-        if keeps and target and not (asset.is_scene and "scene" in aim.holds):
-            _check_coordinates(asset)
+            _ = len(asset.materials)  # to find what is malformed
+            if is_scene and "scene" not in aim.holds:
+                asset = _without_malformed(asset)
+        if keeps and target and not (is_scene and "scene" in aim.holds):
+            uv = asset.columns("uv0") or ()
+            if any(column and (np.abs(column.values) > FLOAT).any() for column in uv):
+                raise MeshError(path, "texture coordinates", f"numbers to {FLOAT:g}, for float32", "larger ones")
     if useless := useless_normals(mesh):
         of = f"{useless:,} of {mesh.faces.size:,} normals at corners are missing, zero, not finite or behind their face"
         asset.told[f"{of}; those of the faces take their place"] = None
     if flip:
-        if aim.ending == ".glb" and "scene" in format_of(path).holds:
+        if aim.ending == ".glb" and is_scene:
             raise OptionError("flip", "another mesh file than a glTF for a .glb, which keeps its faces", path)
         asset = asset.reversed()
     return asset if keeps else asset.bare()
 
 
-def _checked(asset: Asset, lenient: bool) -> Asset:
-    """The asset, if its materials are no malformed ones. Raises: MeshError.
-
-    Args: lenient: whether texture coordinates and colours that are malformed are left out, and told.
-    """
-    _ = len(asset.materials)
-    for name in ("uv0", COLOR) if lenient else ():
+def _without_malformed(asset: Asset) -> Asset:
+    """The asset, without texture coordinates and colours if they are malformed, which `unread` tells."""
+    for name in ("uv0", COLOR):
         try:
             asset.columns(name)
         except MeshError as fault:
-            without = (one._replace(columns=one.columns.without(name)) for one in asset.primitives)
-            changed = replace(asset, primitives=tuple(without), unread=(*asset.unread, fault.field))
+            kept = (one._replace(columns=one.columns.only(*{*one.columns} - {name})) for one in asset.primitives)
+            changed = replace(asset, primitives=tuple(kept), unread=(*asset.unread, fault.field))
             asset = changed.with_mesh(asset.mesh)
     return asset
-
-
-def _check_coordinates(asset: Asset) -> None:
-    """Check that float32 holds the first texture coordinates. Raises: MeshError."""
-    columns = asset.columns("uv0") or ()
-    if any(column and (np.abs(column.values) > FLOAT).any() for column in columns):
-        raise MeshError(asset.path, "texture coordinates", f"numbers to {FLOAT:g}, for float32", "larger ones")
 
 
 def _of_points(asset: Asset) -> Asset:

@@ -9,7 +9,7 @@ import re
 from obscurance.raytrace.errors import MeshError
 
 from ..asset.asset import Asset
-from ..asset.primitive import NORMAL, Column, Columns, Primitive
+from ..asset.primitive import NORMAL, Column, ColumnSet, Primitive
 from .number_rows import NumberRows, whole
 from .table import MeshInput
 
@@ -43,7 +43,7 @@ def read_off(mesh_input: MeshInput) -> Asset:
     vertex_rows = lines.take(of_vertices, 0, width, fault).reshape(-1, width)
     sizes, values = lines.take_lists(of_faces, 0, fault)
     corners = whole(values)
-    columns = Columns({NORMAL: Column(vertex_rows[:, 3:])} if has_normals else {})
+    columns = ColumnSet({NORMAL: Column(vertex_rows[:, 3:])} if has_normals else {})
     primitive = Primitive.of(vertex_rows[:, :3], corners, sizes, source, columns=columns)
     has_colours = b"C" in header[1] or bool((lines.lengths[of_faces] > sizes + 1).any())
     unread = ("colours",) if has_colours else ()

@@ -31,7 +31,7 @@ def unsupported_features(target: Path, asset: Asset, channels: Channels = Channe
     if row.name == "PLY" and not colors and has_own_colors(asset):
         instead = "w, the openness, is only in the property obscurance; --colors puts it in their place"
         warnings.append(f"{target}: keeps the colours of {asset.path}; {instead}")
-    if channels.ply_name in asset.numbers:
+    if channels.ply_name and channels.ply_name in asset.numbers:
         warnings.append(f"{target}: w takes the place of {channels.ply_name} of {asset.path}")
     if channels.ramp and asset.is_scene:
         from .gltf.write import ramp_warnings

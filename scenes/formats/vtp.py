@@ -21,7 +21,7 @@ from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Int64s
 
 from ..asset.asset import Asset, Node
-from ..asset.primitive import NORMAL, Column, Columns, Primitive, W, float_normals
+from ..asset.primitive import NORMAL, Column, ColumnSet, Primitive, W, float_normals
 from ..geometry.polygons import strip_triangles
 from .table import MeshInput
 
@@ -182,7 +182,7 @@ def _primitive(document: _Document, piece: ElementTree.Element, unread: dict[str
     strips = strip_triangles(*document.cells(piece, "Strips"))
     corners = np.concatenate([corners[np.repeat(is_polygon, sizes)], strips.ravel()])
     sizes = np.concatenate([sizes[is_polygon], np.full(len(strips), 3)])
-    # Columns of points; others are left out.
+    # ColumnSet of points; others are left out.
     data = piece.find("PointData")
     arrays = {} if data is None else {array.get("Name", ""): array for array in data.iterfind("DataArray")}
     active = {} if data is None else data.attrib
@@ -195,5 +195,5 @@ def _primitive(document: _Document, piece: ElementTree.Element, unread: dict[str
     if "uv0" in found:
         found["uv0"] = found["uv0"][:, :2]
     unread |= dict.fromkeys(f"{name} of points" for name in sorted(arrays.keys() - {*names.values()}))
-    columns = Columns({key: Column(values) for key, values in found.items()})
+    columns = ColumnSet({key: Column(values) for key, values in found.items()})
     return Primitive.of(points, corners, sizes, document.source, columns=columns)

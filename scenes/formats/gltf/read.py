@@ -12,7 +12,7 @@ import numpy as np
 from obscurance.raytrace.errors import MeshError
 
 from ...asset.asset import Asset, Node
-from ...asset.primitive import COLOR, NORMAL, RAMP, Column, Columns, Lazy, Primitive, W
+from ...asset.primitive import COLOR, NORMAL, RAMP, Column, ColumnSet, Lazy, Primitive, W
 from ...geometry.instances import check_copies
 from ..table import MeshInput
 from .accessors import column, flipped, normalized, triangles, values, vectors
@@ -134,7 +134,7 @@ def _primitive(raw: Gltf, drawn: DrawnPrimitive, poses: Poses) -> tuple[Primitiv
     return primitive, posed
 
 
-def _columns(raw: Gltf, drawn: DrawnPrimitive) -> Columns:
+def _columns(raw: Gltf, drawn: DrawnPrimitive) -> ColumnSet:
     """Texture coordinates, colours and w of an earlier bake, read when they are used."""
     columns: dict[str, Column | Callable[[], Column]] = {}
     ramps = _ramps(raw, drawn)
@@ -149,7 +149,7 @@ def _columns(raw: Gltf, drawn: DrawnPrimitive) -> Columns:
         count = entry(raw.geometry.accessors, drawn.primitive.attributes["POSITION"], "accessors").count
         if len(w) == count and w.dtype.kind == "f":
             columns[W] = Column(w)
-    return Columns(columns)
+    return ColumnSet(columns)
 
 
 def _column(raw: Gltf, drawn: DrawnPrimitive, name: str, *kinds: str) -> Column:

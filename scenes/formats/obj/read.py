@@ -10,7 +10,7 @@ import numpy as np
 
 from ...asset.asset import Asset, Node
 from ...asset.material import Material
-from ...asset.primitive import COLOR, NORMAL, Column, Columns, Primitive
+from ...asset.primitive import COLOR, NORMAL, Column, ColumnSet, Primitive
 from ..table import MeshInput
 from .mtl import LIBRARY, OPAQUE, OPTION, read_libraries
 from .text import ObjText
@@ -77,7 +77,7 @@ def read_obj(mesh_input: MeshInput) -> Asset:
     )
 
 
-def _columns(file: ObjText, notes: dict[str, None]) -> Columns:
+def _columns(file: ObjText, notes: dict[str, None]) -> ColumnSet:
     """Normals, colours, and texture coordinates, which are read when they are used. Args: notes: gets what is wrong."""
     columns: dict[str, Column | Callable[[], Column]] = {}
     if normals := file.normals():
@@ -94,4 +94,4 @@ def _columns(file: ObjText, notes: dict[str, None]) -> Columns:
 
     if file.some("vt").any():
         columns["uv0"] = uv
-    return Columns(columns)
+    return ColumnSet(columns)

@@ -18,7 +18,7 @@ from obscurance.raytrace.types import AnyInts, Float32s
 
 from ...asset.asset import Stored
 from ...asset.material import Material, find_picture, picture
-from ...asset.primitive import COLOR, Column, Columns, W, reverse_order
+from ...asset.primitive import COLOR, Column, ColumnSet, reverse_order
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
@@ -76,13 +76,22 @@ class Element:
     count: int
     properties: tuple[Property, ...]
 
+    @property
+    def fitting(self) -> Element:
+        """The same with all properties in types that hold their values."""
+        return replace(self, properties=tuple(column.fitting() for column in self.properties))
+
+    def others(self, *names: str | None) -> tuple[Property, ...]:
+        """The properties but those of these names, and of a profile."""
+        return tuple(column for column in self.properties if column.name not in names and not is_profile(column.name))
+
 
 class Ply(Stored):
     """A file as it is stored: all elements, and the comments that are no bake's."""
 
     def __init__(self, elements: Sequence[Element], comments: tuple[str, ...]) -> None:
         self.elements = tuple(elements)
-        self.comments = comments
+        self.comments = tuple(line for line in comments if not line.startswith((OWN, PROFILE_COMMENT)))
 
     def reversed(self) -> Self:
         """The file with the corners of faces in reverse order, in all lists that have a value or a pair for each, and
@@ -134,11 +143,6 @@ class PlyHeader(NamedTuple):
         """The axis that is up, which files written by this program name; None in others."""
         ups = [line.removeprefix(UP_COMMENT).rstrip() for line in self.comments if line.startswith(UP_COMMENT)]
         return ups[0] if ups and ups[0] in UP else None
-
-    @property
-    def kept_comments(self) -> tuple[str, ...]:
-        """The comments that are no bake's."""
-        return tuple(line for line in self.comments if not line.startswith((OWN, PROFILE_COMMENT)))
 
     def profile(self, columns: Mapping[str, npt.NDArray[Any]]) -> Profile | None:
         """The profile that a bake has left. Args: columns: of the vertices."""
@@ -201,8 +205,8 @@ def write_header(elements: Iterable[Element], comments: Iterable[str]) -> bytes:
     return "\n".join([*lines, "end_header\n"]).encode("latin-1", "replace")
 
 
-def ply_columns(elements: Sequence[Element], sizes: AnyInts) -> Columns:
-    """Normals, texture coordinates, colours, w and further values of vertices. Args: sizes: of the polygons."""
+def ply_columns(elements: Sequence[Element], sizes: AnyInts) -> ColumnSet:
+    """Texture coordinates, colours and further values of vertices. Args: sizes: of the polygons."""
     vertex = columns_of(elements, "vertex")
     columns: dict[str, Column | Callable[[], Column]] = {}
     used = {*_MESH, *RGB, "alpha", "obscurance"}
@@ -216,10 +220,8 @@ def ply_columns(elements: Sequence[Element], sizes: AnyInts) -> Columns:
     colours = stored_colors(elements)
     if set(RGB) <= set(colours):
         columns[COLOR] = partial(_colours, colours.values())
-    if "obscurance" in vertex:
-        columns[W] = Column(vertex["obscurance"].values)
     further = {name: column for name, column in vertex.items() if name not in used and not is_profile(name)}
-    return Columns(columns | {name: Column(column.values) for name, column in further.items()})
+    return ColumnSet(columns | {name: Column(column.values) for name, column in further.items()})
 
 
 def ply_materials(comments: Iterable[str], folder: Path) -> tuple[Material, ...]:

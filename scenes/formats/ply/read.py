@@ -52,13 +52,15 @@ def read_ply(mesh_input: MeshInput) -> Asset:
     # Faces: of both usual names of their list of vertices, the first that the file has.
     corners = sizes = np.empty(0, np.int64)
     for column in filter(None, map(columns_of(elements, "face", lists=True).get, INDICES[::-1])):
-        corners, sizes = whole(column.values), column.sizes
+        corners, sizes = column.values, column.sizes
+    if corners.dtype.kind not in "iu":
+        corners = whole(corners)
     # What is kept, of text in the types that the file declares; normals and w have all digits.
     stored = list(map(_declared, elements)) if header.text else elements
     columns = ply_columns(stored, sizes)
     if set(_NORMAL) <= set(vertex):
         columns |= {NORMAL: Column(np.stack([vertex[axis] for axis in _NORMAL], axis=1))}
-    if W in columns:
+    if "obscurance" in vertex:
         columns |= {W: Column(vertex["obscurance"])}
     positions = np.stack([vertex[axis] for axis in "xyz"], axis=1)
     primitive = Primitive.of(positions, corners, sizes, source, columns=columns, profile=header.profile(vertex))
@@ -69,7 +71,7 @@ def read_ply(mesh_input: MeshInput) -> Asset:
         material_of = np.where((number >= 0) & (number < len(materials)), number, -1).astype(np.int64)
         primitive = primitive._replace(material=material_of)
     pictures = tuple(path for material in materials for path in material.pictures)
-    raw = Ply(stored, header.kept_comments)
+    raw = Ply(stored, header.comments)
     return Asset.single(
         mesh_input.path, mesh_input.name, primitive, materials=materials, up=header.up, pictures=pictures, raw=raw
     )  # fmt: skip

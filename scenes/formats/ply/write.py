@@ -12,7 +12,7 @@ from ...asset.asset import Asset
 from ...asset.primitive import float_normals
 from ..table import Channels
 from . import layout
-from .layout import COUNT, RGB, UP_COMMENT, Element, Ply, Property, grey_of, is_profile, own_colors, stored_colors
+from .layout import COUNT, RGB, UP_COMMENT, Element, Ply, Property, grey_of, own_colors, stored_colors
 
 GREY = "; red green blue = obscurance as sRGB"
 _COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"}
@@ -53,10 +53,10 @@ def ply(bake: Bake, asset: Asset, channels: Channels) -> bytes:
     further = channels.ply_name
     named = "face" if bake.at == "faces" else "vertex"
     values = _of_polygons(bake, asset) if bake.at == "faces" and not cut else bake
-    fitting = []
-    for element in elements:
-        annotated = _annotate(element, values, colour_channels, further) if element.name == named else element
-        fitting.append(replace(element, properties=tuple(column.fitting() for column in annotated.properties)))
+    fitting = [
+        (_annotate(element, values, colour_channels, further) if element.name == named else element).fitting
+        for element in elements
+    ]
     return b"".join([layout.write_header(fitting, comments), *map(_rows, fitting)])
 
 
@@ -116,13 +116,8 @@ def _annotate(element: Element, bake: Bake, colour_channels: str, further: str |
         colour_channels: channels of colours that hold w, "" for none.
         further: the name of a second property of w.
     """
-    replaced = (
-        "obscurance",
-        further,
-        *(RGB if colour_channels else ()),
-        *(("alpha",) if len(colour_channels) == 1 else ()),
-    )
-    unchanged = [column for column in element.properties if column.name not in replaced and not is_profile(column.name)]
+    colours = (*RGB, "alpha")[: {0: 0, 1: 4}.get(len(colour_channels), 3)]
+    unchanged = element.others("obscurance", further, *colours)
     added = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, ("obscurance", further))]
     if bake.below:
         added.append(Property("obscurance_below", "f", bake.below.w.astype("<f4")))
