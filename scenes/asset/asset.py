@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy.typing as npt
 from obscurance.raytrace.errors import MeshError, OptionError, first_names, printable
 from obscurance.raytrace.mesh.mesh import Mesh, PerCorner, mesh_of
 from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
+from obscurance.raytrace.system.atomic import PathName
 from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 from ..geometry.instances import cofactors
@@ -173,28 +175,44 @@ class Asset:
                 # Indices are checked against the part's own vertices: shifted ones could fall into a neighbour's range.
                 checked = Mesh(vertices[part.vertices], part.primitive.faces, source=f"{source}: {part.name}").faces
                 faces[part.faces] = checked + part.vertices.start
-        mesh = Mesh(vertices, faces, **facts, **self._normals())
+        if of_corners := self.corner_normals:
+            facts["corner_normals"] = of_corners._replace(of=self.triangles.take(of_corners.of))
+        mesh = Mesh(vertices, faces, self._normals_of_vertices(), **facts)
         opacity = self._opacity() if self.has_alpha else None
         return replace(mesh, opacity=opacity) if opacity else mesh
 
-    def _normals(self) -> dict[str, Any]:
-        """Normals in the world, `normals` of vertices or else `corner_normals`; NaN where a part has none."""
-        columns = [part.primitive.columns.get(NORMAL) for part in self.parts]
-        if not any(columns):
-            return {}
-        placed = []
-        for part, column in zip(self.parts, columns, strict=True):
+    @cached_property
+    def _normals(self) -> list[Column | None]:
+        """Normals of each part in the world."""
+        placed: list[Column | None] = []
+        for part in self.parts:
             # Those of the primitive as it is stored, whose signs go by the matrix.
-            values = self.primitives[part.number].columns[NORMAL].values if column else np.full((1, 3), np.nan)
-            if part.node.matrix is not None:
-                values = values @ cofactors(part.node.matrix[:3, :3]).T * (-1 if part.node.volume < 0 else 1)
-            placed.append(column._replace(values=values) if column else Column(values))
-        if all(column.of is None for column in placed):
-            sizes = [len(part.primitive.positions) for part in self.parts]
-            rows = [np.broadcast_to(one.values, (n, 3)) for one, n in zip(placed, sizes, strict=True)]
-            return {"normals": rows[0] if len(rows) == 1 else np.concatenate(rows)}
-        normals = self._on_faces(self._joined([placed[n] if columns[n] else None for n in range(len(placed))]))
-        return {"corner_normals": normals._replace(of=normals.of.reshape(-1, 3))}
+            column = self.primitives[part.number].columns.get(NORMAL)
+            if column and part.node.matrix is not None:
+                turned = column.values @ cofactors(part.node.matrix[:3, :3]).T * (-1 if part.node.volume < 0 else 1)
+                column = part.primitive.columns[NORMAL]._replace(values=turned)
+            placed.append(column)
+        return placed
+
+    def _normals_of_vertices(self) -> Float64s | None:
+        """Normals (n, 3) of the vertices, NaN of parts without; None where there are none, or `corner_normals`."""
+        there = [column for column in self._normals if column]
+        if not there or any(column.of is not None for column in there):
+            return None
+        if len(self.parts) == 1:
+            return there[0].values
+        normals = np.full((self.parts[-1].vertices.stop, 3), np.nan)
+        for part, column in zip(self.parts, self._normals, strict=True):
+            if column:
+                normals[part.vertices] = column.values
+        return normals
+
+    @cached_property
+    def corner_normals(self) -> PerCorner | None:
+        """Normals by the corners of polygons (c,) where some vertex may have several, or None."""
+        if all(column is None or column.of is None for column in self._normals):
+            return None
+        return self._joined(self._normals)
 
     @cached_property
     def corners(self) -> Int64s:
@@ -223,7 +241,7 @@ class Asset:
         places = [cut.take(np.arange(n)) + at for cut, n, at in zip(each, lengths, starts, strict=True)]
         return Triangulation(counts, sum(cut.crossing for cut in each), np.concatenate(places))
 
-    # ColumnSet of all parts.
+    # Columns of all parts.
 
     def columns(self, name: str) -> list[Column | None] | None:
         """A column of each part; None if no part has it."""
@@ -243,13 +261,13 @@ class Asset:
         columns = self.columns(name)
         return None if columns is None else self._on_faces(self._joined(columns))
 
-    def uv_of_polygons(self) -> PerCorner | None:
-        """The first texture coordinates by the corners of polygons (c,), (0, 1) of parts without; None if all are."""
+    def uv_of_polygons(self, missing: npt.ArrayLike = (0.0, 1.0)) -> PerCorner | None:
+        """The first texture coordinates by corners of polygons (c,), `missing` of parts without; None if all are."""
         columns = self.columns("uv0")
-        return None if columns is None else self._joined(columns, (0.0, 1.0))
+        return None if columns is None else self._joined(columns, missing)
 
     def _joined(self, columns: Sequence[Column | None], missing: npt.ArrayLike = np.nan) -> PerCorner:
-        """ColumnSet of the parts by the corners of polygons (c,), `missing` of parts without."""
+        """Columns of the parts by the corners of polygons (c,), `missing` of parts without."""
         width = next(column.values.shape[1] for column in columns if column)
         values: list[Float64s] = []
         of: list[Int64s] = []
@@ -455,6 +473,14 @@ class Asset:
     def is_scene(self) -> bool:
         """Whether it is a glTF, which a .glb keeps as it is stored."""
         return self.raw is not None and self.raw.is_scene
+
+    def save(self, path: PathName, bake: Any = None, **options: Any) -> None:
+        """Write the mesh with w of a bake of it, or with that of the file. Args: options: of `scenes.write`.
+
+        Raises: OptionError: the file has no w. Others as `scenes.write`.
+        """
+        write: Callable[..., None] = resolve_name("obscurance.scenes.formats.write:write")
+        write(path, bake or self, self, **options)
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from obscurance.raytrace.image.colour import decode_srgb, encode_srgb
+from obscurance.raytrace.mesh.mesh import PerCorner
 from obscurance.raytrace.types import Float64s, Int64s
 
 from ..geometry.polygons import Triangulation, triangulate
@@ -45,9 +46,19 @@ class Column(NamedTuple):
         change = encode_srgb if srgb else decode_srgb
         return np.concatenate([change(values[:, :3]).astype(np.float64), values[:, 3:]], axis=1)
 
+    def of_vertices(self, corners: Array, count: int) -> Column:
+        """The column by vertices, NaN of those without corners, if all corners of each have the same; else itself.
+
+        Args: corners: of the polygons. count: of the vertices.
+        """
+        if self.of is None:
+            return self
+        by_vertex = PerCorner(self.values, self.of).at_vertices(corners, count, np.nan)
+        return self if by_vertex is None else self._replace(values=by_vertex, of=None)
+
 
 class ColumnSet(Mapping[str, Column]):
-    """ColumnSet by name, each read when it is first asked for: one that is malformed troubles only its users."""
+    """Columns by name, each read when it is first asked for: one that is malformed troubles only its users."""
 
     def __init__(self, columns: Mapping[str, Column | Callable[[], Column]] = {}) -> None:
         self._columns = dict(columns)

@@ -1,4 +1,4 @@
-"""COLLADA by pycollada: geometry where nodes place it, with materials, texture coordinates and colours of vertices.
+"""COLLADA by pycollada: geometry where nodes place it, with materials, normals, texture coordinates and colours.
 
 Of a material are read the colours and the picture of the COMMON profile: diffuse, emission, specular and shininess,
 which is taken for the exponent of Blinn–Phong. Format: COLLADA 1.4.1, chapter 8, "FX reference".
@@ -16,10 +16,10 @@ from obscurance.raytrace.types import Float64s, Int64s
 
 from ..asset.asset import Asset, Node
 from ..asset.material import Colour, Material, find_picture, picture
-from ..asset.primitive import COLOR, Column, ColumnSet, Primitive
+from ..asset.primitive import COLOR, NORMAL, Column, ColumnSet, Primitive
 from ..geometry.instances import check_copies
 from .table import MeshInput
-from .threemf import check_archive
+from .threemf import check_archive, unit_in_words
 
 
 def read_dae(mesh_input: MeshInput) -> Asset:
@@ -51,7 +51,7 @@ def read_dae(mesh_input: MeshInput) -> Asset:
         for pieces in sets.values():
             placed_elements += len(pieces[0].vertex) + sum(np.size(piece.vertex_index) for piece in pieces)
             check_copies(placed_elements, file.seek(0, os.SEEK_END), mesh_input.path)
-            primitive = _primitive(pieces, mesh_input.source)
+            primitive = _primitive(pieces, mesh_input.source, unread)
             used = _materials(placed, pieces, mesh_input.path.parent, unread)
             numbers = [materials.setdefault(material, len(materials)) for material in used]
             of_pieces = [len(_counts(piece)) for piece in pieces]
@@ -61,6 +61,8 @@ def read_dae(mesh_input: MeshInput) -> Asset:
     if content.errors and primitives:
         faults = " ".join(str(getattr(content.errors[0], "msg", content.errors[0])).split())
         notes.append(f"{len(content.errors):,} parts of the document are malformed and left out: {faults}")
+    left_out = [name for name in ("cameras", "lights", "animations") if getattr(content, name)]
+    unread |= dict.fromkeys([*left_out, *unit_in_words(content.assetInfo.unitmeter or 1.0)])
     up = str(content.assetInfo.upaxis or "y")[0].lower()
     pictures = tuple(path for material in materials for path in material.pictures)
     return Asset(
@@ -69,14 +71,23 @@ def read_dae(mesh_input: MeshInput) -> Asset:
     )  # fmt: skip
 
 
-def _primitive(pieces: list[Any], source: str) -> Primitive:
-    """Primitives of a geometry that share vertices, as one."""
+def _primitive(pieces: list[Any], source: str, unread: dict[str, None]) -> Primitive:
+    """Primitives of a geometry that share vertices, as one. Args: unread: gets what is left out, in words."""
     vertices = np.asarray(pieces[0].vertex, np.float64)
     corners = np.concatenate([np.ravel(piece.vertex_index) for piece in pieces]).astype(np.int64)
     sizes = np.concatenate([_counts(piece) for piece in pieces]).astype(np.int64)
-    found = {"uv0": _coordinates(pieces), COLOR: _colours(pieces, len(vertices))}
-    columns = ColumnSet({name: column for name, column in found.items() if column})
-    return Primitive.of(vertices, corners, sizes, source, columns=columns)
+    columns: dict[str, Column] = {}
+    if uv := _column(pieces, "TEXCOORD", 2):
+        columns["uv0"] = uv
+    if normals := _column(pieces, "NORMAL", 3):
+        columns[NORMAL] = normals.of_vertices(corners, len(vertices))
+    if all(piece.sources.get("COLOR") for piece in pieces) and (colours := _column(pieces, "COLOR", 3)):
+        of_vertices = np.ones((len(vertices), 3))
+        of_vertices[corners] = colours.values[colours.of].clip(0, 1)
+        columns[COLOR] = Column(of_vertices, srgb=True)
+        if colours.of_vertices(corners, len(vertices)).of is not None:
+            unread["colours of corners, where a vertex has several"] = None
+    return Primitive.of(vertices, corners, sizes, source, columns=ColumnSet(columns))
 
 
 def _counts(piece: Any) -> Any:
@@ -105,35 +116,21 @@ def unit(file: BinaryIO) -> float:
     return float(element.get("meter", 1.0)) if element.tag.endswith("unit") else 0.0
 
 
-def _coordinates(pieces: list[Any]) -> Column | None:
-    """The first set of texture coordinates of all corners, NaN where a primitive has none; None if none has."""
-    if not any(len(piece.texcoord_indexset) for piece in pieces):
-        return None
+def _column(pieces: list[Any], semantic: str, width: int) -> Column | None:
+    """The first values of a semantic by the corners of all primitives, NaN where one has none; None if none has."""
     values: list[Float64s] = []
     of: list[Int64s] = []
     for piece in pieces:
-        start = sum(map(len, values))
-        if len(piece.texcoord_indexset):
-            of.append(np.ravel(piece.texcoord_indexset[0]).astype(np.int64) + start)
-            values.append(np.asarray(piece.texcoordset[0], np.float64)[:, :2])
-        else:
-            of.append(np.full(np.size(piece.vertex_index), start))
-            values.append(np.full((1, 2), np.nan))
+        found = piece.sources.get(semantic)
+        own, rows = np.full((1, width), np.nan), np.zeros(np.size(piece.vertex_index), np.int64)
+        if found:
+            own = np.asarray(found[0][4].data, np.float64)[:, :width]
+            rows = np.reshape(piece.index, (-1, piece.index.shape[-1]))[:, found[0][0]].astype(np.int64)
+        of.append(rows + sum(map(len, values)))
+        values.append(own)
+    if not any(piece.sources.get(semantic) for piece in pieces):
+        return None
     return Column(np.concatenate(values), np.concatenate(of))
-
-
-def _colours(pieces: list[Any], count: int) -> Column | None:
-    """Colours (n, 3) of the vertices, each from one of its corners; None unless all primitives have some."""
-    colours = np.ones((count, 3))
-    for piece in pieces:
-        sources = piece.sources.get("COLOR")
-        if not sources:
-            return None
-        offset = sources[0][0]
-        values = np.asarray(sources[0][4].data, np.float64)[:, :3]
-        places = np.reshape(piece.index, (-1, piece.index.shape[-1]))[:, offset]
-        colours[np.ravel(piece.vertex_index)] = values[places].clip(0, 1)
-    return Column(colours, srgb=True)
 
 
 def _materials(placed: Any, pieces: list[Any], folder: Path, unread: dict[str, None]) -> Iterator[Material]:

@@ -89,7 +89,7 @@ def make_scales(half_distance: Length, power: float | str | None = None) -> Scal
 def read_table(path: Path) -> Tabulated:
     """The two columns of a CSV, text or `.npy` file: distances in mesh units or, as "25%", of the radius; and μ.
 
-    ColumnSet of text are separated by commas, semicolons or blanks; a line of names may stand above, "#" begins remarks.
+    Columns of text are separated by commas, semicolons or blanks; a line of names may stand above, "#" begins remarks.
     """
     if path.suffix.lower() not in _ENDINGS:
         raise InputError(path, "file", "a table, a name ending in " + ", ".join(_ENDINGS), path.name)

@@ -27,9 +27,12 @@ def read_stl(mesh_input: MeshInput) -> Asset:
     A file is binary if it has the size that a binary header announces. Raises: MeshError, ValueError: it is no STL.
     """
     data = mesh_input.file.read()
+    unread: tuple[str, ...] = ()
     announced = int.from_bytes(data[80:_HEADER], "little")
     if len(data) == _HEADER + announced * TRIANGLE.itemsize:
-        solids = [("", np.frombuffer(data, TRIANGLE, announced, _HEADER)["vertices"].reshape(-1, 3))]
+        table = np.frombuffer(data, TRIANGLE, announced, _HEADER)
+        solids = [("", table["vertices"].reshape(-1, 3))]
+        unread = ("attributes of triangles, as colours are stored",) if table["attribute"].any() else ()
     else:
         solids = _solids(data, mesh_input.source)
     for name, vertices in solids:
@@ -39,7 +42,7 @@ def read_stl(mesh_input: MeshInput) -> Asset:
     names = [name for name, _ in solids] if len(solids) > 1 else [mesh_input.name]
     primitives = tuple(Primitive.of(vertices, np.arange(len(vertices))) for _, vertices in solids)
     nodes = tuple(Node(name, (number,)) for number, name in enumerate(names))
-    return Asset(mesh_input.path, primitives, nodes, up="z")
+    return Asset(mesh_input.path, primitives, nodes, up="z", unread=unread)
 
 
 def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:

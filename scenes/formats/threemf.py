@@ -65,6 +65,7 @@ class _Reader:
     items: list[tuple[Key, Float64s]] = field(default_factory=list)
     current: _Object = field(default_factory=lambda: _Object(""))
     group: str = ""
+    unit: str = "millimeter"
     colours: dict[Paint, Material] = field(default_factory=dict)
     sizes: Counter[str] = field(default_factory=Counter)  # of groups, as far as they are read
     has_unread: bool = False
@@ -75,6 +76,8 @@ class _Reader:
         if "/slice/" in namespace:  # whose vertices have no z
             return
         match element:
+            case "model":
+                self.unit = attributes.get("unit", self.unit)
             case "object":
                 number = attributes["id"]
                 self.current = _Object(attributes.get("name", number))
@@ -135,14 +138,17 @@ def read_3mf(mesh_input: MeshInput) -> Asset:
     # The objects of all models of the archive, and what the root model builds of them.
     objects: dict[Key, _Object] = {}
     readers = _read_models(mesh_input.file, objects)
-    build = readers[next(name for name in readers if name.endswith(ROOT))].items
+    root = readers[next(name for name in readers if name.endswith(ROOT))]
+    build = root.items
     _check_build(build, objects, unpacked, mesh_input.source)
     colours = {name: reader.colours for name, reader in readers.items()}
     has_unread = any(reader.has_unread for reader in readers.values())
     if sum(map(len, colours.values())) > _MOST_COLOURS:
         colours = {}
         has_unread = True
-    unread = ("colours of textures or mixtures, of very many kinds, or malformed",) if has_unread else ()
+    unread = unit_in_words(_UNITS.get(root.unit, 1.0))
+    if has_unread:
+        unread += ("colours of textures or mixtures, of very many kinds, or malformed",)
     materials: dict[Material, int] = {}
     # Placed by the build items, with the components of each.
     numbers: dict[Key, int] = {}
@@ -170,6 +176,11 @@ def unit(file: BinaryIO) -> float:
             secure: dict[str, bool] = {"resolve_entities": False, "no_network": True, "load_dtd": False}
             _, model = next(etree.iterparse(content, events=("start",), **secure))
     return _UNITS[model.get("unit", "millimeter")]
+
+
+def unit_in_words(unit: float) -> tuple[str, ...]:
+    """What outputs without a unit, or with metres, lose of coordinates in a unit of so many metres, in words."""
+    return () if unit == 1 else (f"its unit, {unit:g} m",)
 
 
 def _read_models(file: BinaryIO, objects: dict[Key, _Object]) -> dict[str, _Reader]:

@@ -14,6 +14,8 @@ from .ply.layout import Ply
 from .ply.write import MESHLAB, cuts_polygons, has_own_colors
 from .table import Channels, FileFormat, format_of
 
+_NAMES = "names of groups", "its division", "smoothing groups"  # how words on names in an OBJ begin
+
 
 def unsupported_features(target: Path, asset: Asset, channels: Channels = Channels()) -> list[str]:
     """Losses of `scenes.write`, and unexpected changes: lines for the user, mostly none.
@@ -46,19 +48,22 @@ def _of_polygons(asset: Asset, row: FileFormat, colors: str) -> Iterator[str]:
     Args: colors: the channels of colours that hold w.
     """
     is_ply = isinstance(asset.raw, Ply)
+    is_obj = row.name == "OBJ"  # which has normals and coordinates of corners, and names
+    is_stored = asset.raw is not None and row.name == format_of(asset.path).name
     if (len(colors) > 1 or "colors" not in row.holds) and has_own_colors(asset):
         yield "its colours"
     if not is_ply:
-        if not asset.is_scene and len(asset.objects) > 1:
+        if not asset.is_scene and not is_obj and len(asset.objects) > 1:
             yield "its division into objects"
-        yield from (words for words in asset.unread if not words.startswith(MATERIAL_WORDS))
-    if asset.mesh.corner_normals:
+        kept = (*MATERIAL_WORDS, *(_NAMES if is_obj and is_stored else ()))
+        yield from (words for words in asset.unread if not words.startswith(kept))
+    if asset.mesh.corner_normals and not is_obj:
         yield "normals of vertices that have several"
     uv = asset.uv_of_polygons()
-    if uv and "uv" in row.holds and not np.isfinite(uv.values).all():
+    if uv and "uv" in row.holds and not is_obj and not np.isfinite(uv.values).all():
         yield "texture coordinates, which some corners lack"
-    if asset.materials and not is_ply and not asset.is_scene:
-        yield "materials"
+    if asset.materials and not is_ply and not asset.is_scene and not is_stored:
+        yield "materials but their names" if is_obj else "materials"
     if "colors" not in row.holds:
         yield from (f"{name} of vertices" for name in asset.numbers)
     if uv and "uv" not in row.holds:

@@ -182,7 +182,7 @@ def _primitive(document: _Document, piece: ElementTree.Element, unread: dict[str
     strips = strip_triangles(*document.cells(piece, "Strips"))
     corners = np.concatenate([corners[np.repeat(is_polygon, sizes)], strips.ravel()])
     sizes = np.concatenate([sizes[is_polygon], np.full(len(strips), 3)])
-    # ColumnSet of points; others are left out.
+    # Columns of points; others are left out.
     data = piece.find("PointData")
     arrays = {} if data is None else {array.get("Name", ""): array for array in data.iterfind("DataArray")}
     active = {} if data is None else data.attrib

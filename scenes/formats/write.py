@@ -6,25 +6,48 @@ import io
 import os
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, Self, cast, get_args
 
 import numpy as np
 
 from obscurance.raytrace.errors import ConflictError, OptionError, Term
 from obscurance.raytrace.system.atomic import PathName, check_writable, write_bytes
+from obscurance.raytrace.types import Float64s
 
 from ..asset.asset import Asset
 from .load import load
 from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
-    from obscurance.ao import Bake, BakedTexture
+    from obscurance.ao import Bake, BakedTexture, Profile
 
 Occlusion = Literal["none", "ramp"]
 _PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)[A-Za-z_]\w*"
 Colors = Literal["rgb", "r", "g", "b", "a"]
+
+
+@dataclass(frozen=True, eq=False)
+class _StoredBake:
+    """What an earlier bake has left in a file, as far as writers ask for it."""
+
+    w: Float64s
+    profile: Profile | None
+    at: str = "vertices"
+    error: None = None
+    flags: None = None
+    bent_normals: None = None
+    below: None = None
+
+    @classmethod
+    def of(cls, asset: Asset) -> Self:
+        """Raises: OptionError: the file has no w."""
+        w = asset.w
+        if w is None:
+            raise OptionError("bake", f"w in {asset.path}, or a bake", "none")
+        return cls(w, asset.profile)
 
 
 def check_target(path: PathName) -> None:
@@ -46,7 +69,7 @@ def check_holds(path: PathName, at: str, both_sides: bool) -> None:
 
 def write(
     path: str | os.PathLike[str],
-    bake: Bake | BakedTexture | Sequence[Bake | BakedTexture],
+    bake: Bake | BakedTexture | Sequence[Bake | BakedTexture] | Asset,
     mesh_file: Asset | str | os.PathLike[str] | Any = None,
     *,
     colors: Colors | None = None,
@@ -77,6 +100,7 @@ def write(
     Args:
         path: the target, replaced if it exists.
         bake: per vertex of `mesh_file.mesh`, for a .glb or .html also of `mesh_file.split`; or a texture of its faces.
+            Or a mesh file, whose own w is written.
             For a .glb also a list of textures of different faces; a bake per vertex among them is for faces on none.
         mesh_file: what was baked, with what else it holds: of `load` for this target, or the file's path; or a mesh in
             any form that `ao.bake` takes; None: the mesh of the bake alone.
@@ -96,6 +120,8 @@ def write(
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
+    if isinstance(bake, Asset):
+        mesh_file, bake = mesh_file or bake, cast("Bake", _StoredBake.of(bake))
     several = bake if isinstance(bake, Sequence) else [bake]
     source = getattr(several[0], "mesh", None) if mesh_file is None else mesh_file
     if isinstance(source, str | os.PathLike):

@@ -6,14 +6,12 @@ trimesh's reader splits, repeats or drops vertices, takes index 0 for 1 and wrap
 
 from collections.abc import Callable
 
-import numpy as np
-
 from ...asset.asset import Asset, Node
 from ...asset.material import Material
 from ...asset.primitive import COLOR, NORMAL, Column, ColumnSet, Primitive
 from ..table import MeshInput
 from .mtl import LIBRARY, OPAQUE, OPTION, read_libraries
-from .text import ObjText
+from .text import Obj, ObjText
 
 MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
 _OTHER = "l", "p", "curv", "curv2", "surf"
@@ -73,6 +71,7 @@ def read_obj(mesh_input: MeshInput) -> Asset:
         told=notes,
         unread=tuple(dict.fromkeys([*(words for is_left_out, words in left_out if is_left_out), *missing])),
         pictures=tuple(files),
+        raw=Obj(file.runs),
         has_alpha=mesh_input.alpha,
     )
 
@@ -81,8 +80,7 @@ def _columns(file: ObjText, notes: dict[str, None]) -> ColumnSet:
     """Normals, colours, and texture coordinates, which are read when they are used. Args: notes: gets what is wrong."""
     columns: dict[str, Column | Callable[[], Column]] = {}
     if normals := file.normals():
-        at_vertices = normals.at_vertices(file.corners, len(file.vertices), np.nan)
-        columns[NORMAL] = Column(*normals) if at_vertices is None else Column(at_vertices)
+        columns[NORMAL] = Column(*normals).of_vertices(file.corners, len(file.vertices))
     if file.colors is not None and ((file.colors >= 0) & (file.colors <= 1)).all():
         columns[COLOR] = Column(file.colors, srgb=True)
 

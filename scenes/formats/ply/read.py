@@ -8,8 +8,10 @@ Format: Greg Turk, The PLY polygon file format, 1994. No count is trusted: rows 
 import struct
 from array import array
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from obscurance.raytrace.errors import MeshError
 
@@ -50,10 +52,11 @@ def read_ply(mesh_input: MeshInput) -> Asset:
         raise MeshError(source, "elements", "one of vertices", "none")
     vertex = {name: column.values for name, column in columns_of(elements, "vertex").items()}
     # Faces: of both usual names of their list of vertices, the first that the file has.
-    corners = sizes = np.empty(0, np.int64)
+    corners: npt.NDArray[Any] = np.empty(0, np.int64)
+    sizes: npt.NDArray[Any] = corners
     for column in filter(None, map(columns_of(elements, "face", lists=True).get, INDICES[::-1])):
         corners, sizes = column.values, column.sizes
-    if corners.dtype.kind not in "iu":
+    if corners.dtype.kind not in "iu":  # of text
         corners = whole(corners)
     # What is kept, of text in the types that the file declares; normals and w have all digits.
     stored = list(map(_declared, elements)) if header.text else elements
