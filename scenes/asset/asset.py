@@ -177,7 +177,11 @@ class Asset:
                 faces[part.faces] = checked + part.vertices.start
         if of_corners := self.corner_normals:
             facts["corner_normals"] = of_corners._replace(of=self.triangles.take(of_corners.of))
-        mesh = Mesh(vertices, faces, self._normals_of_vertices(), **facts)
+        elif any(self._normals):
+            gaps = [np.broadcast_to(np.nan, part.primitive.positions.shape) for part in self.parts]
+            each = [column.values if column else gap for column, gap in zip(self._normals, gaps, strict=True)]
+            facts["normals"] = each[0] if len(each) == 1 else np.concatenate(each)
+        mesh = Mesh(vertices, faces, **facts)
         opacity = self._opacity() if self.has_alpha else None
         return replace(mesh, opacity=opacity) if opacity else mesh
 
@@ -193,19 +197,6 @@ class Asset:
                 column = part.primitive.columns[NORMAL]._replace(values=turned)
             placed.append(column)
         return placed
-
-    def _normals_of_vertices(self) -> Float64s | None:
-        """Normals (n, 3) of the vertices, NaN of parts without; None where there are none, or `corner_normals`."""
-        there = [column for column in self._normals if column]
-        if not there or any(column.of is not None for column in there):
-            return None
-        if len(self.parts) == 1:
-            return there[0].values
-        normals = np.full((self.parts[-1].vertices.stop, 3), np.nan)
-        for part, column in zip(self.parts, self._normals, strict=True):
-            if column:
-                normals[part.vertices] = column.values
-        return normals
 
     @cached_property
     def corner_normals(self) -> PerCorner | None:
@@ -309,13 +300,12 @@ class Asset:
         Args: srgb: encoded, not linear. grey: also where they are the grey that a bake has left.
         """
         columns = [part.primitive.columns.get(COLOR) if grey else part.primitive.own_colours for part in self.parts]
-        each = [column and column.colours(srgb) for column in columns]
         if not any(columns):
             return None
-        joined = np.ones((self.parts[-1].vertices.stop, max(one.shape[1] for one in each if one is not None)))
-        for part, one in zip(self.parts, each, strict=True):
-            if one is not None:
-                joined[part.vertices, : one.shape[1]] = one
+        joined = np.ones((self.parts[-1].vertices.stop, max(column.values.shape[1] for column in columns if column)))
+        for part, column in zip(self.parts, columns, strict=True):
+            if column:
+                joined[part.vertices, : column.values.shape[1]] = column.colours(srgb)
         return joined
 
     @property
@@ -400,14 +390,13 @@ class Asset:
 
     def _opacity(self) -> Opacity | None:
         """Alpha of all faces; None where all are opaque."""
-        made: dict[tuple[int, bool], Opacity | None] = {}
-        each = []
+        made: dict[int, Opacity | None] = {}
         for part in self.parts:
-            key = part.number, part.node.volume < 0
-            if key not in made:
-                made[key] = self.opacity_of(part.primitive)
-            each.append(made[key])
-        return Opacity.joined(each, [part.faces.stop - part.faces.start for part in self.parts])
+            if part.number not in made:
+                made[part.number] = self.opacity_of(self.primitives[part.number])
+        each = [(made[part.number], part.node.volume < 0) for part in self.parts]
+        placed = [one.reversed() if one and is_mirrored else one for one, is_mirrored in each]
+        return Opacity.joined(placed, [part.faces.stop - part.faces.start for part in self.parts])
 
     def opacity_of(self, primitive: Primitive) -> Opacity | None:
         """Alpha of a primitive's triangles; None where all are opaque."""
@@ -415,10 +404,9 @@ class Asset:
         if not seen_through:
             return None
         material_of = primitive.of_faces(primitive.material)
-        of = np.full(len(material_of), -1)
+        count = len(material_of)
+        of, uv, corners = np.full(count, -1), np.zeros((count, 3, 2)), np.ones((count, 3))
         surfaces: list[AlphaSurface] = []
-        uv: Float64s | None = None
-        corners: Float64s | None = None
         colours = primitive.columns.get(COLOR)
         for number in seen_through.intersection(np.unique(material_of).tolist()):
             material = self.materials[number]
@@ -431,17 +419,15 @@ class Asset:
             elif places:
                 at_corners = places.values[primitive.rows(places)[faces]]
                 has_uv = np.asarray(~np.isnan(at_corners).any(axis=(1, 2)))
-                uv = np.zeros((len(of), 3, 2)) if uv is None else uv
                 uv[faces[has_uv]] = at_corners[has_uv]
             if material.alpha != "opaque" and colours and not colours.srgb and colours.values.shape[1] == 4:
-                corners = np.ones((len(of), 3)) if corners is None else corners
-                corners[faces] = colours.values[:, 3].astype(np.float64).clip(0.0, 1.0)[primitive.rows(colours)][faces]
+                corners[faces] = colours.values[:, 3].clip(0.0, 1.0)[primitive.rows(colours)[faces]]
             for rows, with_uv in ((faces[has_uv], True), (faces[~has_uv], False)):
-                surface = material.surface(with_uv)
-                if len(rows) and surface:
+                if len(rows) and (surface := material.surface(with_uv)):
                     of[rows] = len(surfaces)
                     surfaces.append(surface)
-        return None if (of < 0).all() else Opacity(of, tuple(surfaces), uv, corners)
+        has_textures = any(surface.texture for surface in surfaces)
+        return Opacity(of, tuple(surfaces), uv if has_textures else None, corners) if surfaces else None
 
     def with_mesh(self, mesh: Mesh) -> Self:
         """The asset with another mesh of the same faces in place of its own."""
@@ -456,18 +442,13 @@ class Asset:
         return changed.with_mesh(self.mesh.reversed())
 
     def bare(self) -> Self:
-        """The asset without what its mesh, w and profile do not need, which frees the memory of all else."""
-        primitives = []
-        for part in self.parts:
-            faces = self.mesh.faces[part.faces]
-            corners = (faces - part.vertices.start if part.vertices.start else faces).ravel()
-            w = part.primitive.columns.get(W)
-            columns = ColumnSet({W: w._replace(values=w.values.astype(np.float64))} if w else {})
-            kept = Primitive.of(self.mesh.vertices[part.vertices], corners, columns=columns)
-            primitives.append(kept._replace(profile=part.primitive.profile))
-        nodes = tuple(Node(part.name, (number,)) for number, part in enumerate(self.parts))
-        changed = replace(self, primitives=tuple(primitives), nodes=nodes, materials=(), raw=None, pictures=())
-        return changed.with_mesh(self.mesh)
+        """The asset with its mesh, w and profile alone, as one primitive, which frees the memory of all else."""
+        w = self.w
+        columns = ColumnSet({} if w is None else {W: Column(w)})
+        mesh = self.mesh
+        only = Primitive.of(mesh.vertices, mesh.faces.ravel(), columns=columns, profile=self.profile)
+        node = Node(self.nodes[0].name, (0,))
+        return replace(self, primitives=(only,), nodes=(node,), materials=(), raw=None, pictures=()).with_mesh(mesh)
 
     @property
     def is_scene(self) -> bool:
