@@ -37,7 +37,7 @@ async function decompressed(base64) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-// ColumnSet lie one after the other, each as planes: the lowest byte of all its numbers, then the second of all.
+// Columns lie one after the other, each as planes: the lowest byte of all its numbers, then the second of all.
 function splitColumns(described, bytes) {
   const columns = {};
   let start = 0;
