@@ -264,8 +264,7 @@ class Asset:
         of: list[Int64s] = []
         start = 0
         for part, column in zip(self.parts, columns, strict=True):
-            corners = part.primitive.corners
-            rows = corners if column is None or column.of is None else column.of
+            rows = part.primitive.corners if column is None or column.of is None else column.of
             own = np.broadcast_to(missing, (1, width)) if column is None else column.values
             of.append(np.asarray(0 * rows if column is None else rows, np.int64) + start)
             values.append(own.astype(np.float64, copy=False))
@@ -394,8 +393,8 @@ class Asset:
         for part in self.parts:
             if part.number not in made:
                 made[part.number] = self.opacity_of(self.primitives[part.number])
-        each = [(made[part.number], part.node.volume < 0) for part in self.parts]
-        placed = [one.reversed() if one and is_mirrored else one for one, is_mirrored in each]
+        each = [(made[part.number], part) for part in self.parts]
+        placed = [one.reversed() if one and part.node.volume < 0 else one for one, part in each]
         return Opacity.joined(placed, [part.faces.stop - part.faces.start for part in self.parts])
 
     def opacity_of(self, primitive: Primitive) -> Opacity | None:
@@ -448,7 +447,8 @@ class Asset:
         mesh = self.mesh
         only = Primitive.of(mesh.vertices, mesh.faces.ravel(), columns=columns, profile=self.profile)
         node = Node(self.nodes[0].name, (0,))
-        return replace(self, primitives=(only,), nodes=(node,), materials=(), raw=None, pictures=()).with_mesh(mesh)
+        changed = replace(self, primitives=(only,), nodes=(node,), materials=(), raw=None, pictures=self.files[1:])
+        return changed.with_mesh(mesh)
 
     @property
     def is_scene(self) -> bool:

@@ -45,18 +45,18 @@ def load(
 ) -> Asset:
     """Read a mesh file in the format of its ending.
 
-    Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
-    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn`, glTF `NORMAL`), or `mesh.corner_normals` where a
-    vertex has several. Materials,
-    textures and the like are read for a target only, but for the alpha of faces (`mesh.opacity`). Files that a file
-    refers to are read only from its own folder or below.
+    Polygons are cut into triangles in `mesh`. Point clouds, lines and cameras beside meshes are left out. A file's own
+    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn`, glTF `NORMAL`), or `mesh.corner_normals` where a vertex has
+    several. Texture coordinates, colours and the like are read when they are used. Files that a file refers to are
+    read only from its own folder or below.
 
     Args:
-        target: the file that `scenes.write` is to make of it: what that can hold besides is read too.
+        target: the file that `scenes.write` is to make of it: it is checked for this, and what the target cannot hold
+            takes no memory.
         content: the file's bytes, if they came from elsewhere; `path` then only names it and its format.
         alpha: whether faces have the alpha of their glTF or OBJ materials; otherwise they are opaque.
         up: `mesh.up` in place of what the file says.
-        names: read those of an OBJ's objects whatever the target, with all that is kept beside them.
+        names: keep all whatever the target, such as the names of objects.
         points: whether it is a cloud of points with normals, and no faces: the mesh is of a disc for each.
         flip: turn all faces over, and normals with them; what is written has them turned.
 
@@ -76,7 +76,7 @@ def load(
             asset = _of_points(asset)
         if not keeps and not asset.has_alpha:  # frees memory before the mesh takes some
             bare = (one._replace(columns=one.columns.only(NORMAL, W)) for one in asset.primitives)
-            asset = replace(asset, raw=None, primitives=tuple(bare))
+            asset = replace(asset, raw=None, pictures=asset.files[1:], primitives=tuple(bare))
         mesh = asset.mesh
         if "source" in aim.holds:
             _ = len(asset.materials)  # to find what is malformed

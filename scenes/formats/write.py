@@ -94,16 +94,16 @@ def write(
 
     Of textures a `.glb` has each as the occlusion texture of the faces that it is for (`textured_glb.textured_glb`).
 
-    What the source holds besides is kept if it was loaded for this target (`load`); `scenes.formats.unsupported` lists
-    what is not.
+    What the source holds besides is kept as far as the format can hold it; `scenes.formats.unsupported` lists what is
+    not.
 
     Args:
         path: the target, replaced if it exists.
         bake: per vertex of `mesh_file.mesh`, for a .glb or .html also of `mesh_file.split`; or a texture of its faces.
             Or a mesh file, whose own w is written.
             For a .glb also a list of textures of different faces; a bake per vertex among them is for faces on none.
-        mesh_file: what was baked, with what else it holds: of `load` for this target, or the file's path; or a mesh in
-            any form that `ao.bake` takes; None: the mesh of the bake alone.
+        mesh_file: what was baked, with what else it holds: of `load`, or the file's path; or a mesh in any form that
+            `ao.bake` takes; None: the mesh of the bake alone.
         colors: "rgb": give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the
             source's colours; "r", "g", "b" or "a": w in that channel alone, the others as in the source, 1 without.
         occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
