@@ -147,7 +147,8 @@ def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads
     bent = np.stack([right_side(stencil, moments[:, a : a + 3]) for a in range(BENT, MOMENTS, 3)])
     smoothness = stencil.sum(add_jumps, hinges, patch.corners, patch.areas)
     shares = np.repeat(patch.areas * patch.cover / 3, 3)
-    areas = np.bincount(face_points.ravel(), shares / max(float(shares.sum()), 1e-300), patch.unknowns)
+    weights = shares / max(float(shares.sum()), 1e-300)
+    areas = np.bincount(face_points.ravel(), weights=weights, minlength=patch.unknowns)
     return Problem(stencil, (even, odd), smoothness, laplacian, areas, bent, threads, number)
 
 
