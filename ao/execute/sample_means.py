@@ -101,7 +101,7 @@ class SampleMeans(NamedTuple):
                 _pick.on(tracer.threads)(*of_block, count, samples.starts, int(key), (source, chosen))
                 points = replace(samples.points[source], numbers=chosen)
                 normals = samples.geometric_normals.take(source, axis=0)
-                hemispheres = tracer.hemispheres(points, -(-rays // count), key, leap=count)
+                hemispheres = tracer.hemispheres(points, -(-rays // count), key, count, len(source))
                 (out[block],) = tracer.fill(MeansOfGroups(hemispheres, count, normals))
         return out
 

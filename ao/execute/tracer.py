@@ -124,9 +124,12 @@ class Tracer:
         """How many falloffs are gathered for."""
         return self.mu.shape[0] if self.mu.shape else 1
 
-    def hemispheres(self, points: Points, samples: int, key: np.uint32, leap: int) -> Hemispheres:
-        """Work for `fill`. Args: leap: see `DirectionTable`."""
-        return Hemispheres(points, samples, key, self.total_points, self.mu, self.t_max, leap)
+    def hemispheres(
+        self, points: Points, samples: int, key: np.uint32, leap: int, total: int | None = None
+    ) -> Hemispheres:
+        """Work for `fill`. Args: leap: see `DirectionTable`. total: of points that draw from its sets."""
+        total = self.total_points if total is None else min(total, self.total_points)
+        return Hemispheres(points, samples, key, total, self.mu, self.t_max, leap)
 
     def fill(self, work: KeptRowTask) -> Outputs:
         """The rows of `work`, with progress."""

@@ -10,6 +10,7 @@ import numpy as np
 from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.corners import with_hard_edges
 from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.sampling import derive
 from obscurance.raytrace.system.checks import NEGLIGIBLE, check_memory
 from obscurance.raytrace.types import Float64s, Int64s
 
@@ -33,6 +34,8 @@ from .tangents import tangent_frames
 from .texels import Cage, Texels, TexelSampler
 from .uv_layout import UVLayout, corner_uv, covered_texels, on_page, page_size
 from .uv_surface import UVSurface
+
+_PLACES = 11  # salt of the key of places in texels
 
 
 @options_record
@@ -168,7 +171,7 @@ def bake_page(options: TextureArguments) -> BakedTexture:
     surface = _surface(scene, prepared, size, options.wrap)
     page = Page.of(surface.layout, surface.areas, surface.charts)
     sampler = TexelSampler(page, surface, prepared, options, scene.cage)
-    coverage = sampler.page.cover(options.overlap, prepared.threads)
+    coverage = sampler.page.cover(options.overlap, prepared.threads, key=derive(prepared.key, _PLACES))
     reached = len(coverage.texels)
     overlapping = int(np.count_nonzero(coverage.overlapping))
     if options.overlap == "refuse" and overlapping:

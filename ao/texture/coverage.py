@@ -16,9 +16,10 @@ from obscurance.raytrace.types import Float64s, Int32s, Int64s
 
 from ..options import Overlap
 from ..points.smooth_surface import PointGroups, SurfacePoints
-from .covered_texels import REGULAR, Coverage, Places
+from .covered_texels import Coverage
 from .partial_texels import LAYERS, MOST, NOT_SOUGHT, PartialTexels, find_partial, sample_partial
-from .raster import SLOTS, Lists, Marks, count_bands, list_bands, scan_convert
+from .places import SLOTS, Places
+from .raster import Lists, Marks, count_bands, list_bands, scan_convert
 from .uv_layout import UVLayout, doubled_areas
 
 _BAND = 1 << 14  # texels that are scanned at once, about
@@ -73,7 +74,7 @@ class Page(NamedTuple):
         Args:
             overlap: where faces overlap, samples lie on all ("mean") or on the first of them.
             texels: (n,), ascending, only these, some of them more than once; None: all.
-            parts, key: (n,), of `Places.by_chance`, where points lie in each of these; None: at regular places.
+            parts, key: (n,), of `Places`, where points lie in each of these; None: the first part.
         """
         size = self.band_rows * self.layout.width
         bands: dict[int, Coverage] = {}
@@ -85,7 +86,7 @@ class Page(NamedTuple):
             else:
                 rows = np.arange(np.searchsorted(texels, start), np.searchsorted(texels, stop))
                 band_texels = texels[rows]
-            places = REGULAR if parts is None else Places.by_chance(band_texels, parts[rows], key)
+            places = Places(np.zeros(0, np.int64) if parts is None else parts[rows], int(key))
             if len(band_texels) or start == 0:
                 bands[start] = _Band(self, band_texels, rows, triangles, places, overlap == "mean").cover()
 
@@ -112,7 +113,7 @@ class _Band(NamedTuple):
         marks = Marks.of(count)
         how = np.empty(count, np.int64)
         triangles = layout.corners, self.page.chart
-        scan_convert(self.triangles, triangles, self.texels, layout.width, self.places.points, marks, None)
+        scan_convert(self.triangles, triangles, self.texels, layout.width, self.places, marks, None)
         find_partial(marks, self.page.crowding, self.layered, how)
         partial = np.flatnonzero(how != NOT_SOUGHT)
         counts, listed = self._sample(partial, how[partial], marks.reaching)
@@ -142,7 +143,7 @@ class _Band(NamedTuple):
             texel_rows = partial[start:stop]
             texels = self.texels[texel_rows]
             lists = self._lists(texels, reaching[texel_rows])
-            sought = PartialTexels(texels, how[start:stop], *self.places.of(texel_rows))
+            sought = PartialTexels(texels, how[start:stop], self.places.of(texel_rows))
             triangle = np.empty((len(texels), MOST), np.int32)
             barycentric = np.empty((len(texels), MOST, 3), np.float32)
             triangles = layout.corners, self.page.crowding
@@ -158,7 +159,7 @@ class _Band(NamedTuple):
         lists = Lists(starts, np.zeros(len(texels), np.int64), np.empty(starts[-1], np.int32))
         layout = self.page.layout
         triangles = layout.corners, self.page.chart
-        scan_convert(self.triangles, triangles, texels, layout.width, REGULAR.points, None, lists)
+        scan_convert(self.triangles, triangles, texels, layout.width, self.places, None, lists)
         return lists
 
 

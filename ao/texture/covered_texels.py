@@ -9,42 +9,14 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from obscurance.raytrace.kernel.jit import inline
-from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.system.parallel import parallel
-from obscurance.raytrace.types import Bools, Float64Grid, Float64s, Int32Rows, Int32s, Int64s
+from obscurance.raytrace.types import Bools, Float64Grid, Int32Rows, Int32s, Int64s
 
 from ..points.smooth_surface import PointGroups
 from .partial_texels import MOST
-from .raster import EDGE, GRID, POINTS, SLOTS, set_up_edges, store_barycentric
+from .places import SLOTS, Places, point_in_texel
+from .raster import EDGE, set_up_edges, store_barycentric
 from .uv_layout import UVLayout
-
-_STEP = np.array([0.7548776662466927, 0.5698402909980532])  # of the R2 sequence (Roberts 2018)
-
-
-class Places(NamedTuple):
-    """Where points of texels lie, for each (k, …) or for all (1, …)."""
-
-    points: Float64s  # (…, POINTS, 2); two and two have the centre for their mean; the last is the centre
-    offsets: Float64s  # (…, 2), see `PartialTexels`
-
-    @classmethod
-    def by_chance(cls, texels: Int64s, parts: Int64s, key: np.uint32) -> Self:
-        """Places by `parts` (k,) 0, 1, … of a sequence that is even over each texel, shifted by chance (Cranley &
-        Patterson 1976), by the texel's number and a key."""
-        numbers = hash32_array(hash32_array(texels) ^ key)[:, None] + np.arange(4, dtype=np.uint32)
-        random: Float64s = hash32_array(numbers).astype(np.float64) * 2.0**-32
-        shift = (random.reshape(-1, 2, 2) + parts[:, None, None] * _STEP) % 1.0
-        points = np.full((len(texels), POINTS, 2), 0.5)
-        points[:, 0:SLOTS:2] = (GRID[0:SLOTS:2] + shift[:, :1]) % 1.0
-        points[:, 1:SLOTS:2] = 1 - points[:, 0:SLOTS:2]
-        return cls(points, shift[:, 1])
-
-    def of(self, texels: Int64s) -> Self:
-        """The places in some `texels`, rows."""
-        return self if self is REGULAR else type(self)(self.points[texels], self.offsets[texels])
-
-
-REGULAR = Places(np.append(GRID, [[0.5, 0.5]], axis=0)[None], np.array([[0.5, 1 / 128]]))
 
 
 class PagePoints(NamedTuple):
@@ -52,7 +24,7 @@ class PagePoints(NamedTuple):
 
     texels: Int64s
     triangle: Int32Rows
-    points: Float64Grid
+    places: Places
     corners: Float64Grid
     face: Int64s
     width: int
@@ -74,15 +46,11 @@ class Coverage:
     @classmethod
     def joined(cls, bands: Sequence[Coverage]) -> Self:
         """Coverage of several bands of a page, one after another."""
-        places = REGULAR
-        if bands[0].places is not REGULAR:
-            points = np.concatenate([band.places.points for band in bands])
-            places = Places(points, np.concatenate([band.places.offsets for band in bands]))
         return cls(
             layout=bands[0].layout,
             texels=np.concatenate([band.texels for band in bands]),
             rows=np.concatenate([band.rows for band in bands]),
-            places=places,
+            places=bands[0].places._replace(parts=np.concatenate([band.places.parts for band in bands])),
             triangle=np.concatenate([band.triangle for band in bands]),
             overlapping=np.concatenate([band.overlapping for band in bands]),
             listed=PointGroups.joined([band.listed for band in bands]),
@@ -93,7 +61,7 @@ class Coverage:
     def points(self) -> PagePoints:
         """The texels' points as kernels take them."""
         layout = self.layout
-        return PagePoints(self.texels, self.triangle, self.places.points, layout.corners, layout.face, layout.width)
+        return PagePoints(self.texels, self.triangle, self.places, layout.corners, layout.face, layout.width)
 
     def samples(self, order: Int64s, by_centre: Bools, threads: int, most: int = MOST) -> PointGroups:
         """Samples of the texels in an `order` (j,).
@@ -124,10 +92,9 @@ def locate(points, row, k, known_triangle, edges, out):
     triangle = np.int64(points.triangle[row, k])
     if triangle != known_triangle:
         set_up_edges(points.corners[triangle], edges)
-    at = points.points[row if len(points.points) > 1 else 0, k]
-    x = points.texels[row] % points.width + at[0]
-    y = points.texels[row] // points.width + at[1]
-    store_barycentric(edges, x, y, out)
+    texel = points.texels[row]
+    x, y = point_in_texel(points.places, row, texel, k)
+    store_barycentric(edges, texel % points.width + x, texel // points.width + y, out)
     return triangle
 
 

@@ -10,9 +10,10 @@ import numpy as np
 
 from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.sampling import hash32
-from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64Rows, Float64s, Int32Rows, Int64s
+from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64s, Int32Rows, Int64s
 
-from .raster import EDGE, INSIDE, POINTS, SLOTS, Lists, Marks, least_edge, set_up_edges, store_barycentric
+from .places import POINTS, SLOTS, Places, point_in_texel, shift_by_area
+from .raster import EDGE, INSIDE, Lists, Marks, least_edge, set_up_edges, store_barycentric
 
 MOST = 64  # samples of a texel; of more triangles over one another, as many have one, evenly spaced
 NOT_SOUGHT, AREA, LAYERS = -1, 0, 1  # samples are spread over area, or over all triangles at points
@@ -32,8 +33,7 @@ class PartialTexels(NamedTuple):
 
     texels: Int64s  # (h,), row · width + column
     how: Int64s  # (h,), AREA or LAYERS
-    points: Float64Grid  # (h, POINTS, 2) or (1, POINTS, 2), in the texel
-    offsets: Float64Rows  # (h, 2) or (1, 2), from 0 to 1, where the first sample lies in its part of the area
+    places: Places
 
 
 @kernel
@@ -81,11 +81,13 @@ def sample_partial(
     counts, triangle, barycentric = out
     edges = np.empty((3, EDGE))
     clipped = np.empty((2, CORNERS, 2))
+    points = np.empty((SLOTS, 2))
     for i in range(len(counts)):
         candidates = lists.triangle[lists.starts[i] : lists.starts[i + 1]]
         texel = np.float64(partial.texels[i] % width), np.float64(partial.texels[i] // width)
-        points = partial.points[i if len(partial.points) > 1 else 0]
-        offset = partial.offsets[i if len(partial.offsets) > 1 else 0]
+        for k in range(SLOTS):
+            points[k] = point_in_texel(partial.places, i, partial.texels[i], k)
+        offset = shift_by_area(partial.places, i, partial.texels[i])
         texel_samples = triangle[i], barycentric[i]
         place = partial.texels[i], points, offset[0]
         if partial.how[i] == LAYERS and _cover_all(corners, candidates, texel, points, (clipped, edges)):
@@ -100,7 +102,8 @@ def sample_partial(
 def _sample_area(corners, crowding, candidates, texel, offset, scratch, out):
     """Spread samples over the area of the parts of all triangles in a texel; returns their number.
 
-    Parts are fans of triangles, one after another; samples lie at equal steps of area.
+    Parts are fans of triangles, one after another, with a sample in each of equal steps of area: two and two opposite
+    to one another, by which means of what is linear in area are exact.
     """
     clipped, edges = scratch
     total, sample_count = _measure(corners, crowding, candidates, texel, clipped)
@@ -113,9 +116,11 @@ def _sample_area(corners, crowding, candidates, texel, offset, scratch, out):
         for corner in range(1, count - 1):
             part = area_of_fan(polygon, corner)
             # Samples whose step of area falls into this triangle of the fan.
-            while placed < sample_count and (placed + offset[0]) * total < (before + part) * sample_count:
-                outwards = np.sqrt(((placed + offset[0]) * total / sample_count - before) / part)
-                sideways = (_radical_inverse(placed) + offset[1]) % 1.0
+            while placed < sample_count:
+                along, sideways = _in_step(placed, offset)
+                if (placed + along) * total >= (before + part) * sample_count:
+                    break
+                outwards = np.sqrt(((placed + along) * total / sample_count - before) / part)
                 x = texel[0] + point_in_fan(polygon, corner, 0, outwards, sideways)
                 y = texel[1] + point_in_fan(polygon, corner, 1, outwards, sideways)
                 out[0][placed] = t
@@ -227,6 +232,13 @@ def _bring_to_top(corners, candidates, count, edges, out):
                 out[0][k] = t
                 store_barycentric(edges, x, y, out[1][k])
                 break
+
+
+@inline
+def _in_step(k, offset):
+    """Where sample k lies in its step of area, from 0 to 1, and across it."""
+    across = (_radical_inverse(k >> 1) + offset[1]) % 1.0
+    return (1.0 - offset[0], 1.0 - across) if k & 1 else (offset[0], across)
 
 
 @inline

@@ -12,12 +12,8 @@ import numpy as np
 from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.types import Bools, Float64Grid, Int32Rows, Int32s, Int64s, UInt8s
 
-SLOTS = 4  # points of a texel
-POINTS = SLOTS + 1  # and its centre
-GRID = np.array([[0.375, 0.125], [0.625, 0.875], [0.125, 0.625], [0.875, 0.375]])
-"""A rotated grid: means of a linear function over a texel are exact, also over a diagonal: the first two points, or the
-other two. Two faces over one another have a diagonal each.
-"""
+from .places import POINTS, SLOTS, Places, point_in_texel
+
 INSIDE = 1e-4  # least barycentric coordinate of what counts as inside: neighbours share their edges
 EDGE = 5  # numbers of an edge, see `set_up_edges`
 _SLACK = 1e-6  # texels, by which rows' ends are taken farther out, before the exact test
@@ -76,7 +72,7 @@ def scan_convert(
     triangles: tuple[Float64Grid, Int32s],
     texels: Int64s,
     width: int,
-    points: Float64Grid,
+    places: Places,
     marks: Marks | None,
     lists: Lists | None,
 ) -> None:
@@ -85,8 +81,7 @@ def scan_convert(
     Args:
         listed: rows of the triangles, ascending. triangles: their corners (t, 3, 2) and charts (t,).
         texels: (n,), row · width + column, some more than once. width: of the page.
-        points: (n, POINTS, 2) or (1, POINTS, 2) in the texels. marks: `Marks` to be made, or None. lists: `Lists` to be
-            filled, or None.
+        places: of the texels' points. marks: `Marks` to be made, or None. lists: `Lists` to be filled, or None.
     """
     corners, chart = triangles
     edges = np.empty((3, EDGE))
@@ -111,8 +106,7 @@ def scan_convert(
                         marks.chart[i] = chart[t]
                     elif marks.chart[i] != chart[t]:
                         marks.charts[i] = True
-                    sample_points = points[i if len(points) > 1 else 0]
-                    _mark(marks, i, t, edges, corner, sample_points, area, within > INSIDE * area)
+                    _mark(marks, i, t, edges, corner, (places, texels[i]), area, within > INSIDE * area)
                 if lists is not None:
                     lists.triangle[lists.starts[i] + lists.filled[i]] = t
                     lists.filled[i] += 1
@@ -127,15 +121,19 @@ def _place_of(texels, texel, all_there):
 
 
 @inline
-def _mark(marks, i, t, edges, texel, points, area, all_inside):
+def _mark(marks, i, t, edges, texel, place, area, all_inside):
     """Give triangle `t` the points of texel `i` in it that no earlier triangle has.
 
-    Args: all_inside: the texel is in the triangle as a whole.
+    Args: place: `Places` and the texel's number. all_inside: the texel is in the triangle as a whole.
     """
+    places, number = place
     triangle, inside = marks.triangle, marks.inside
     marks.reaching[i] += 1
     for k in range(POINTS):
-        least = area if all_inside else least_edge(edges, texel[0] + points[k, 0], texel[1] + points[k, 1])
+        least = area
+        if not all_inside:
+            x, y = point_in_texel(places, i, number, k)
+            least = least_edge(edges, texel[0] + x, texel[1] + y)
         if least < 0.0:
             continue
         if triangle[i, k] < 0:

@@ -17,7 +17,8 @@ from obscurance.raytrace.types import Bools, Int32s, Int64Rows, Int64s
 from ..points.near_faces import LISTED, has_near_faces
 from ..points.smooth_surface import SmoothSurface, VertexAxes, point_on
 from .covered_texels import Coverage, PagePoints, locate
-from .raster import EDGE, SLOTS
+from .places import SLOTS
+from .raster import EDGE
 
 _SLOPE = 2.0  # times what normals may differ by: what rises by more of its distance, rises
 _ROWS = 8  # of the page, a multiple of blocks' sizes

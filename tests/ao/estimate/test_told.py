@@ -87,6 +87,14 @@ def test_of_texels_that_have_as_many_rays(name, options):
     check(bakes, errors, 1.0)
 
 
+@pytest.mark.parametrize("options", [{"samples": 64}, {"samples": 256, "denoise": False}, {"tolerance": 0.01}], ids=str)
+def test_texels_that_look_alike_do_not_all_miss_the_same(options):
+    """Four fins in each texel, at the same places of all: the mean over the page is that of one, by many rays."""
+    mesh, uv, truth = families.fins(7, 32)
+    baked = bake(ao.bake_texture, mesh, uv, 32, "binary", close_seams=False, **options)
+    assert abs(np.mean(baked.w - truth)) < 0.004
+
+
 def on_a_floor_of_faces(seed, side):
     """Leaves on a floor of faces, and the share of each face that none covers."""
     lying, covered = families.some_leaves(seed, 1e-5, 30)

@@ -5,7 +5,7 @@ import pytest
 from uv_meshes import grid_charts
 
 from obscurance.ao.texture.coverage import Page
-from obscurance.ao.texture.raster import SLOTS
+from obscurance.ao.texture.places import SLOTS
 from obscurance.ao.texture.uv_layout import UVLayout
 
 
@@ -95,6 +95,27 @@ def test_the_points_of_whole_texels_have_the_centre_for_a_mean():
     centre = corners_of(coverage) + 0.5
     for several in (found.mean(axis=1), found[:, :2].mean(axis=1), found[:, 2:].mean(axis=1)):
         assert np.allclose(several, centre, atol=1e-4)
+
+
+def test_four_parts_have_a_point_in_each_of_sixteen_cells_and_further_ones_are_even_within():
+    layout = laid_out([[(-1, -1), (3, -1), (-1, 3)]], wraps=False)
+    parts = np.tile(np.arange(64), 24)
+    coverage = Page.of(layout).cover("mean", 1, np.repeat(np.arange(24), 64), parts, np.uint32(5))
+    _, *samples = samples_of(coverage)
+    found = (places(layout, *samples) % 1).reshape(24, 64, SLOTS, 2)
+    cells = np.floor(4 * found).astype(int) @ [4, 1]
+    assert (np.sort(cells.reshape(24, 16, 16), axis=2) == np.arange(16)).all()
+    shares = np.mean(found.reshape(24, 256, 2) @ np.array([[0.8, 0.6], [0.6, -0.8]]).T > [0.53, 0.11], axis=1)
+    assert np.std(shares, axis=0).max() < 0.7 * 256**-0.75  # by chance alone .03
+
+
+def test_texels_that_look_alike_have_other_points():
+    layout = laid_out([[(-1, -1), (3, -1), (-1, 3)]], wraps=False)
+    pages = [Page.of(layout).cover("mean", 1, key=np.uint32(key)) for key in (1, 1, 2)]
+    first, again, other = [places(layout, *samples_of(page)[1:]).reshape(-1, SLOTS, 2) % 1 for page in pages]
+    assert (first == again).all()
+    assert (abs(first - other).max(axis=(1, 2)) > 0.01).mean() > 0.9
+    assert len(np.unique(np.floor(4 * first).astype(int).reshape(-1, 2), axis=0)) == 16
 
 
 def test_points_are_spread_over_what_a_texel_has_of_a_face():

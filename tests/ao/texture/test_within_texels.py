@@ -40,25 +40,29 @@ def floor_by_a_wall(charts, cells=1):
     return mesh, uv
 
 
-def bake(mesh, uv, size, samples=1024, falloff=None):
-    return ao.bake_texture(mesh, uv, size, falloff or ao.Exponential(tau=TAU), samples=samples, close_seams=False)
+def bake(mesh, uv, size, samples=1024, falloff=None, seed=0):
+    falloff = falloff or ao.Exponential(tau=TAU)
+    return ao.bake_texture(mesh, uv, size, falloff, samples=samples, close_seams=False, seed=seed)
+
+
+def check_the_only_texel(mesh, uv, size):
+    """That the one texel covered is the mean of the floor, by the mean over six seeds, which errs by some .0012."""
+    textures = [bake(mesh, uv, size, seed=seed) for seed in range(6)]
+    assert all(texture.covered.sum() == 1 for texture in textures)
+    assert abs(np.mean([texture.w[texture.covered] for texture in textures]) - exact().mean()) < 0.004
+    assert all(texture.rmse < 0.01 for texture in textures)
 
 
 @pytest.mark.parametrize("size", [8, 1024])
 @pytest.mark.parametrize("at", [0, 0.3, 0.5, 0.999999])
 def test_charts_of_a_millionth_of_the_page(at, size):
-    texture = bake(*floor_by_a_wall([square(0.1, 0.1, 0.9, 0.9) * 1e-6 + at]), size)
-    assert texture.covered.sum() == 1
-    assert abs(texture.w[texture.covered] - exact().mean()).max() < 0.004
-    assert texture.rmse < 0.01
+    check_the_only_texel(*floor_by_a_wall([square(0.1, 0.1, 0.9, 0.9) * 1e-6 + at]), size)
 
 
 @pytest.mark.parametrize("side", [0.01, 0.03, 0.06, 0.1])
 @pytest.mark.parametrize("at", [0.251, 0.27])
 def test_a_texel_with_all_of_a_chart_is_its_mean(at, side):
-    texture = bake(*floor_by_a_wall([square(at, at, at + side, at + side)]), 8)
-    assert texture.covered.sum() == 1
-    assert abs(texture.w[texture.covered] - exact().mean()).max() < 0.004
+    check_the_only_texel(*floor_by_a_wall([square(at, at, at + side, at + side)]), 8)
 
 
 @pytest.mark.parametrize(("cells", "size", "most"), [(6, 8, 0.01), (12, 10, 0.016), (30, 8, 0.03), (4, 32, 0.003)])

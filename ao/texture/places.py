@@ -1,0 +1,73 @@
+"""Places in a texel: parts of a sequence of points, four of each, that is even over it and shifted by chance.
+
+The four points of a part are a rotated grid: no two are in one quarter of the texel's columns, or rows. So four parts
+have a point in each of sixteen cells, where an additive recurrence moves them from part to part. Two and two have the
+centre for their mean, by which means of linear functions are exact. The shift (Cranley & Patterson 1976) is each
+texel's own, so that texels which look alike do not all miss the same.
+"""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from obscurance.raytrace.kernel.jit import inline
+from obscurance.raytrace.sampling import hash32
+from obscurance.raytrace.types import Int64s
+
+SLOTS = 4  # points of a texel
+POINTS = SLOTS + 1  # and its centre
+_COLUMN = np.array([1, 0])  # of cells, in which points 0 and 2 lie; the others are opposite to them
+_ROW = np.array([[0, 2], [3, 1], [2, 0], [1, 3]])  # the same of SLOTS parts, by which each cell has one
+_STEP = np.array([1.7548776662466927, 2.5698402909980532]) / SLOTS
+"""From part to part; SLOTS of it make one of the R2 sequence (Roberts 2018), by which each cell is even, too."""
+_OF_POINTS, _OF_AREA, _OF_CELLS = 0, 2, 4  # numbers that are drawn
+
+
+class Places(NamedTuple):
+    """Where points lie in n texels."""
+
+    parts: Int64s  # (n,), 0, 1, …, or (0,) where all have the first part
+    key: int  # of 32 bits
+
+    def of(self, rows: Int64s) -> Self:
+        """The places in some texels."""
+        return self._replace(parts=self.parts[rows]) if len(self.parts) else self
+
+
+@inline
+def point_in_texel(places, row, texel, k):
+    """Where point k of a texel lies in it, from 0 to 1 along each axis; the last one is the centre.
+
+    Args: row: of `Places`. texel: its number on the page.
+    """
+    if k == SLOTS:
+        return 0.5, 0.5
+    rows = (_random(places.key, texel, _OF_CELLS) + _part(places, row)) % SLOTS
+    x, y = _shift(places, row, texel, _OF_POINTS)
+    x = (_COLUMN[k // 2] + x) / SLOTS
+    y = (_ROW[rows, k // 2] + y) / SLOTS
+    return (1.0 - x, 1.0 - y) if k % 2 else (x, y)
+
+
+@inline
+def shift_by_area(places, row, texel):
+    """Two numbers from 0 to 1 by which samples that are spread over area are shifted; see `point_in_texel`."""
+    return _shift(places, row, texel, _OF_AREA)
+
+
+@inline
+def _shift(places, row, texel, first):
+    part = _part(places, row)
+    x = _random(places.key, texel, first) * 2.0**-32 + part * _STEP[0]
+    y = _random(places.key, texel, first + 1) * 2.0**-32 + part * _STEP[1]
+    return x % 1.0, y % 1.0
+
+
+@inline
+def _random(key, texel, number):
+    return hash32(np.uint32(hash32(np.uint32(hash32(np.uint32(texel)) ^ np.uint32(key))) + np.uint32(number)))
+
+
+@inline
+def _part(places, row):
+    return places.parts[row] if len(places.parts) > 0 else 0
