@@ -1,4 +1,4 @@
-"""How tests are shared out, the random meshes' seed and given meshes, and what several folders' tests look at."""
+"""How tests are shared out, the random meshes' seed, and what several folders' tests look at."""
 
 from __future__ import annotations
 
@@ -28,7 +28,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("random meshes")
     group.addoption("--mesh-seed", type=int, metavar="SEED", help="seed of the random meshes, to draw them once more")
-    group.addoption("--mesh", action="append", default=[], metavar="FILE", help="mesh to damage; can be repeated")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -125,13 +124,13 @@ def entry_points(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[object]]:
 @pytest.fixture(scope="session")
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder that `obscurance demo` makes; processes of pytest-xdist share it."""
-    from command import obscurance
+    from command import succeeded
 
     base = tmp_path_factory.getbasetemp()
     shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "demonstration"
     if not shared.exists():
         folder = tmp_path_factory.mktemp("demonstration") / "demo"
-        assert obscurance("demo", "-o", folder).returncode == 0
+        succeeded("demo", "-o", folder)
         with suppress(OSError):  # another has been faster
             folder.rename(shared)
     return shared

@@ -179,14 +179,17 @@ def read_gltf(path: Path, settings: Settings, up: str | None, view: str | None) 
     with parser_errors(path):
         stage = parse(records.Stage, raw.header, path)
         cameras = _placed(raw, "camera", "cameras", stage.cameras, _camera)
-        camera = None if view else next(cameras, None)
+        own_camera = None if view else next(cameras, None)
         lights = tuple(_placed(raw, "light", records.LIGHTS, stage.lights, _light))
-        if camera and up is not None:
+        if own_camera and up is not None:
             raise OptionError("--up", "a file without a camera", f"{path}, which has one")
-        camera = camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)
+        camera = own_camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)
     scene = Scene(objects, lights or three_lights(camera), BACKGROUND)
     of_objects = tuple(origins.get(item.shape) for item in objects)
-    return SceneDescription(scene, camera, settings, files=asset.files, notes=asset.notes, origins=of_objects)
+    return SceneDescription(
+        scene, camera, settings, files=asset.files, notes=asset.notes, origins=of_objects, lit_from_camera=not lights,
+        is_framed=own_camera is None,
+    )  # fmt: skip
 
 
 def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Asset, dict[Shape, Origin]]:

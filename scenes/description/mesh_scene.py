@@ -36,11 +36,14 @@ def mesh_scene(source: Asset, settings: Settings, up: str | None = None, view: s
     shapes = list(_shapes(source))
     objects = tuple(Object(shape, name=source.path.stem) for shape, _ in shapes)
     camera = framing(source.mesh, up, settings.width, settings.height, view)
-    lights = sun_and_sky() if is_raster(source.path) else three_lights(camera)
-    lit = Scene(objects, lights, BACKGROUND)
+    is_terrain = is_raster(source.path)
+    lit = Scene(objects, sun_and_sky() if is_terrain else three_lights(camera), BACKGROUND)
     notes = (*source.notes, *colours_left_out(source.path, source.unread), *lying_notes(source.mesh, up))
     origins = tuple(origin for _, origin in shapes)
-    return SceneDescription(lit, camera, settings, files=source.files, notes=notes, origins=origins)
+    return SceneDescription(
+        lit, camera, settings, files=source.files, notes=notes, origins=origins, lit_from_camera=not is_terrain,
+        is_framed=True,
+    )  # fmt: skip
 
 
 def reflection(material: stored.Material) -> Material:

@@ -43,6 +43,9 @@ def _meshio(file: Path, path: Path) -> Asset:
 
     if path.suffix.lower() == ".inp" and _includes(file):
         raise MeshError(path, "content", "all of the mesh in one file", "*INCLUDE")
+    if path.suffix.lower() == ".msh" and _is_mujoco(file):
+        expected = "a mesh of Gmsh or Ansys, or one of MuJoCo in its other formats, .obj and .stl"
+        raise MeshError(path, "content", expected, "MuJoCo's own .msh")
     output = io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         try:
@@ -65,3 +68,11 @@ def _includes(file: Path) -> bool:
     """Whether a file of Abaqus has the keyword by which it includes any other."""
     with file.open(errors="replace") as lines:
         return any(line.partition(",")[0].strip().replace("*", "").upper() == "INCLUDE" for line in lines)
+
+
+def _is_mujoco(file: Path) -> bool:
+    """Whether a file is as long as the four counts at its beginning say: of vertices, normals, texture coordinates and
+    triangles (MuJoCo's XML reference, mesh)."""
+    with file.open("rb") as content:
+        counts = np.frombuffer(content.read(16), "<i4")
+    return len(counts) == 4 and 16 + 4 * int(counts @ np.array([3, 3, 2, 3])) == file.stat().st_size

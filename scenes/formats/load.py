@@ -110,7 +110,7 @@ def _without_malformed(asset: Asset) -> Asset:
 
 def _of_points(asset: Asset) -> Asset:
     """A cloud of points with normals as their discs. Raises: MeshError: the file is none."""
-    from obscurance.ao.methods.point_values import discs
+    from obscurance.ao.points.discs import discs
 
     normals = asset.at_vertices(NORMAL)
     faces = sum(part.faces.stop - part.faces.start for part in asset.parts)

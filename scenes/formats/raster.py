@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
+from collections.abc import Container
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -174,9 +175,16 @@ def raster(bake: Bake, asset: Asset, _: object) -> bytes:
     return content
 
 
-def stored_columns(path: Path) -> dict[str, Float64s]:
-    """`w` and `error` of the cells with data, as far as a bake has left them in a raster. Raises: as `opened`."""
+def stored_columns(path: Path, wanted: Container[str]) -> dict[str, Float64s]:
+    """The `wanted` of `w` and `error`, of the cells with data, as far as a bake has left them in a raster.
+
+    Raises: as `opened`.
+    """
     with path.open("rb") as file, opened(file, str(path)) as source:
         has_data = source.read_masks(1) > 0
-        numbers = {_BANDS[name]: number for number, name in enumerate(source.descriptions, 1) if name in _BANDS}
-        return {column: source.read(number)[has_data].astype(np.float64) for column, number in numbers.items()}
+        columns = {number: _BANDS.get(name, "") for number, name in enumerate(source.descriptions, 1)}
+        return {
+            column: source.read(number)[has_data].astype(np.float64)
+            for number, column in columns.items()
+            if column in wanted
+        }

@@ -136,7 +136,7 @@ def _of_raster(path: Path) -> Float64s:
     from .raster import stored_columns
 
     with _array_errors(path):
-        columns = stored_columns(path)
+        columns = stored_columns(path, ("w",))
     if "w" not in columns:
         raise SceneError(path, "w", "a band called obscurance, as obscurance bake writes it", "none")
     return columns["w"]
@@ -162,7 +162,7 @@ def read_beside_w(path: Path, count: int) -> dict[str, Any]:
     if is_raster(path):
         from .raster import stored_columns
 
-        return {name: values for name, values in stored_columns(path).items() if name in _BESIDE}
+        return dict[str, Any](stored_columns(path, _BESIDE))
     if path.suffix.lower() != ".npz":
         return {}
     with _array_errors(path), zipfile.ZipFile(path) as archive:

@@ -85,16 +85,6 @@ def test_a_mesh_of_degenerate_faces_alone_is_open(length):
     assert baked.rmse == 0
 
 
-@pytest.mark.parametrize("samples", [1, 16, 256])
-def test_rays_of_one_vertex_that_agree_by_luck_are_no_certainty(samples):
-    corner = Mesh(
-        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.3, 0.3, 0.1], [0.4, 0.3, 0.1], [0.3, 0.4, 0.1]], [[0, 1, 2], [3, 4, 5]]
-    )
-    only = np.arange(6) == 0
-    errors = [ao.bake(corner, ao.Binary(), samples=samples, seed=seed, only=only).error[0] for seed in range(20)]
-    assert min(errors) > 0.2 / samples
-
-
 def test_rays_that_all_agree_estimate_an_error_that_vanishes_with_their_number():
     sphere = trimesh.creation.icosphere(subdivisions=3)
     baked = ao.bake(sphere, ao.Binary(), samples=64)
@@ -123,33 +113,6 @@ def test_bent_normals_are_exact_for_the_open_plane():
     assert baked.w.tolist() == [1.0] * 3
 
 
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("samples", 0),
-        ("samples", -4),
-        ("samples", 2**20 + 1),
-        ("samples", 1.5),
-        ("samples", True),
-        ("seed", -1),
-        ("seed", 2**64),
-        ("threads", 0),
-        ("normals", "down"),
-        ("method", "corners"),
-    ],
-)
-def test_arguments_out_of_range_are_named(colonnade, field, value):
-    with pytest.raises(OptionError, match=f"{field}: expected"):
-        ao.bake(colonnade, **{field: value})
-
-
-@pytest.mark.parametrize("option", [{"back_faces": "ignore"}, {"interior": "fill"}])
-def test_the_surface_method_refuses_options_of_the_vertex_method(colonnade, option):
-    (name,) = option
-    with pytest.raises(OptionError, match=f"{name}=.* does not go with method='surface'"):
-        ao.bake(colonnade, method="surface", **option)
-
-
 @pytest.mark.parametrize("samples", [1, 3, 8, 9, 255])
 def test_any_number_of_samples_is_traced_exactly(samples):
     """Inside a closed box binary w is 0, whatever the number; a forgotten lane would leave it open."""
@@ -174,20 +137,6 @@ def test_a_bake_of_some_vertices_is_that_part_of_the_whole(colonnade):
     assert part.rays_skipped["not_wanted"] == 16 * np.count_nonzero(~wanted)
     with pytest.raises(OptionError, match="only: expected bool"):
         ao.bake(colonnade, only=wanted[:-1])
-
-
-def test_a_bake_of_few_vertices_draws_the_same_directions():
-    room = trimesh.creation.box().subdivide().subdivide()
-    mesh = Mesh(room.vertices, room.faces[:, ::-1])
-    wanted = np.arange(len(mesh.vertices)) == 5
-    falloff = ao.Exponential(half_distance=0.3)
-    whole, part = (ao.bake(mesh, falloff, samples=64, only=only, denoise=False).w for only in (None, wanted))
-    assert part[5] == whole[5] < 1
-
-
-def test_a_trimesh_is_a_mesh_too():
-    ball = trimesh.creation.icosphere(subdivisions=2)
-    np.testing.assert_array_equal(ao.bake(ball, samples=8).w, ao.bake(Mesh(ball.vertices, ball.faces), samples=8).w)
 
 
 def test_arrays_of_any_layout_make_the_same_bits_by_the_same_kernels():

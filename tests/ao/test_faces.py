@@ -9,8 +9,6 @@ from meshes import hills
 
 from obscurance import ao
 from obscurance.raytrace import Mesh
-from obscurance.raytrace.errors import ConflictError
-from obscurance.raytrace.sampling import stratified_rows
 from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 PERPENDICULAR_SQUARES = 0.2000438  # form factor of unit squares with an edge in common
@@ -97,19 +95,6 @@ def test_the_same_bits_for_any_number_of_threads_and_among_occluders():
     assert one.w.tobytes() == two.w.tobytes()
     assert len(one.w) == len(mesh.faces)
     assert one.interpolation is None
-
-
-@pytest.mark.parametrize("options", [{"method": "surface"}, {"high": Mesh(CORNER, CORNER_FACES)}])
-def test_what_faces_do_not_go_with(options):
-    with pytest.raises(ConflictError):
-        ao.bake((CORNER, CORNER_FACES), at="faces", **options)
-
-
-@pytest.mark.parametrize(("count", "wanted"), [(12946, 809), (100, 100), (5, 9), (1537, 96), (0, 3)])
-def test_rows_that_are_probed_are_distinct(count, wanted):
-    rows = stratified_rows(count, wanted)
-    assert len(rows) == min(count, wanted)
-    assert (np.diff(rows) > 0).all()
 
 
 @pytest.mark.parametrize("options", [{"samples": 16}, {"tolerance": 0.01}], ids=["rays", "tolerance"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from meshes import soup_over_floor
-from slow_rays import by_embree, traced_by
 
 from obscurance import ao
 from obscurance.raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
@@ -47,27 +46,11 @@ def test_unused_vertices_change_no_bit(method):
     assert (other.flags[COUNT:] == ao.Flag.UNREFERENCED).all()
 
 
-def test_unused_vertices_change_no_texel():
-    uv = np.random.default_rng(0).uniform(size=(3 * len(FACES), 2)).reshape(-1, 3, 2)
-    pages = [
-        ao.bake_texture(mesh, uv, 32, samples=16, overlap="first")
-        for mesh in (Mesh(VERTICES, FACES), with_unused_vertices())
-    ]
-    assert np.array_equal(pages[0].w, pages[1].w)
-
-
 @pytest.mark.parametrize("factor", [1e2, 1e4, 1e6, 1e8])
 @pytest.mark.parametrize("name", FALLOFFS)
 def test_a_far_triangle_leaves_what_is_near_right(alone, name, factor):
     w = ao.bake(with_far_triangle(factor), FALLOFFS[name], SAMPLES).w[:COUNT]
     assert np.abs(w - alone[name]).max() < 1e-3
-
-
-@pytest.mark.parametrize("factor", [1e3, 1e8])
-def test_a_far_triangle_leaves_what_is_near_right_in_embree(alone, factor):
-    with traced_by(by_embree):
-        w = ao.bake(with_far_triangle(factor), FALLOFFS["binary"], SAMPLES).w[:COUNT]
-    assert np.abs(w - alone["binary"]).max() < 1e-3
 
 
 def test_a_far_triangle_occludes():
@@ -98,16 +81,6 @@ def test_far_geometry_leaves_pictures_right():
     for factor in (1e2, 1e5, 1e8):
         apart = np.abs(picture(with_far_triangle(factor)) - wanted).max(axis=2)
         assert (apart > 1e-3).mean() <= 2 / apart.size  # at a shadow's edge
-
-
-def test_far_geometry_shows_in_pictures():
-    """A wall a million sizes behind the mesh hides the background."""
-    mesh = with_far_triangle(1.0)
-    wall = 1e6 * np.array([[-9, 9, -9], [9, 9, -9], [0, 9, 18.0]])
-    behind = Mesh(np.vstack([mesh.vertices, wall]), np.vstack([mesh.faces, [[COUNT + 3, COUNT + 4, COUNT + 5]]]))
-    scene = Scene((Object(Shape(behind, Lambert(albedo=(1, 1, 1), two_sided="viewer"))),), background=(1, 0, 0))
-    camera = Camera((0.5, -6.0, 5.0), (0.0, 3.0, 5.0), (0, 0, 1))
-    assert not (render(scene, camera, Settings(width=32, height=24), layers=False).layers["beauty"][..., 0] == 1).all()
 
 
 def test_a_radius_that_few_vertices_make_is_warned_of():

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 import trimesh
-from interrupted_bakes import bake, bits, folders, interrupted
-from meshes import hills
 from uv_meshes import quads, rectangle, square
 
 from obscurance import ao
 from obscurance.ao import closed_forms
-from obscurance.raytrace import Mesh, MeshError, OptionError
+from obscurance.raytrace import Mesh, MeshError
 from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 STEPS = np.linspace(0, 4, 9)
@@ -58,14 +56,6 @@ def test_w_is_that_of_the_fine_mesh_alone(height, options):
     assert (baked.bent_normals[PLACES[:, 0] == 0, 0] > 0.1).all()  # away from the wall
 
 
-def test_a_mesh_onto_itself_is_the_mesh(coarse_and_fine):
-    """But for rays below faces, which are left out here."""
-    mesh = coarse_and_fine[1]
-    alone, onto = (ao.bake(mesh, samples=256, high=high) for high in (None, mesh))
-    assert np.abs(alone.w - onto.w).mean() < 0.01
-    assert (np.einsum("ij,ij->i", alone.bent_normals, onto.bent_normals) > 0.99).all()
-
-
 @pytest.mark.parametrize("denoise", [True, False])
 def test_the_estimated_error_is_the_true_one(coarse_and_fine, denoise):
     coarse, fine = coarse_and_fine
@@ -102,11 +92,6 @@ def test_a_border_farther_out_than_that_of_the_fine_mesh_is_missed():
     assert np.array_equal((baked.flags & ao.Flag.MISSED) != 0, (vertices == 1).any(axis=1))
 
 
-def test_a_cage_that_misses_everything():
-    with pytest.raises(MeshError, match="expected some of it within the cage"):
-        ao.bake(floor(), samples=8, high=floor_and_wall(-1.0), cage="1%")
-
-
 @pytest.mark.parametrize("scale", [1e-40, 1e40])
 def test_meshes_whose_sizes_single_precision_does_not_hold_together(scale):
     fine = Mesh(floor().vertices * scale, floor().faces, source="fine.obj")
@@ -130,23 +115,6 @@ def test_vertices_inside_of_solids_of_the_fine_mesh(interior):
     assert np.array_equal(flagged, under & (interior != "ignore"))
     assert (baked.w[under] > 0.2).all() == (interior == "auto")
     assert (baked.w[under] < 0.001).all() == (interior != "auto")
-
-
-def test_the_same_bytes_for_any_number_of_threads_and_after_an_interruption(tmp_path):
-    coarse, fine, output = Mesh(*hills(40)), Mesh(*hills(80)), tmp_path / "w.npy"
-    options = {"high": fine, "cage": "10%", "samples": 512}
-    whole = bits(ao.bake(coarse, **options, threads=1))
-    interrupted(output, 0.5, mesh=coarse, options=options)
-    assert folders(output)
-    assert bits(bake(output, mesh=coarse, options=options | {"threads": 3})) == whole
-
-
-def test_what_does_not_go_with_it():
-    for options, other in (({"method": "surface"}, "method='surface'"), ({"only": np.ones(81, bool)}, "only")):
-        with pytest.raises(OptionError, match=f"high does not go with {other}"):
-            ao.bake(floor(), high=floor_and_wall(0.0), **options)
-    with pytest.raises(OptionError, match="cage"):
-        ao.bake(floor(), high=floor_and_wall(0.0), cage="much")
 
 
 def test_percentages_are_of_the_coarse_mesh():

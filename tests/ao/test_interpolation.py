@@ -1,6 +1,5 @@
 """What interpolation between vertices errs by, against closed forms; and when the command warns of it."""
 
-import json
 import pickle
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 from command import obscurance
 from mesh_files import ply
 from meshes import hills
-from pages import facts_of
 
 from obscurance import ao
 from obscurance.ao.closed_forms import polygon_form_factor
@@ -95,14 +93,6 @@ def test_some_bakes_do_not_measure_it():
     assert ao.bake(mesh, samples=16, high=mesh).interpolation is None
 
 
-def test_vertices_without_normals_are_no_obstacle():
-    normals = np.full((8, 3), np.nan)
-    expected = ao.bake(Mesh(*PART), samples=16).interpolation[:2]
-    assert ao.bake(Mesh(*PART, normals), samples=16, normals="file").interpolation[:2] == expected
-    normals[:4] = UP
-    assert ao.bake(Mesh(*PART, normals), samples=16, normals="file").interpolation.rmse > 0.1
-
-
 LARGE = "as the faces are too large for it"
 TEXTURE = "--occlusion texture --uv unwrap"
 OR_TEXTURE = f"subdivide them, or bake a texture, {TEXTURE} into a .glb"
@@ -129,21 +119,6 @@ def test_a_command_names_what_helps_its_output(folder, part, output, options, re
     lines = [line for line in result.stderr.splitlines() if LARGE in line]
     assert len(lines) == 1
     assert lines[0].endswith(f"{LARGE}: {remedy}")
-
-
-def test_it_is_said_first_in_reports_and_on_pages(folder):
-    (folder / "lid.ply").write_bytes(ply(*PART))
-    assert obscurance("bake", "lid.ply", "-o", "w.html", "--report", "r.json").returncode == 0
-    report = json.loads((folder / "r.json").read_text())
-    first = report["warnings"][0]
-    assert first.startswith("w.html: between the vertices w, the openness, errs by 0.")
-    assert report["verdict"]["findings"][0] == {"level": "bad", "what": first, "do": ""}
-    assert sum(first == each["what"] for each in report["verdict"]["findings"]) == 1
-    page = (folder / "w.html").read_bytes()
-    assert facts_of(page)["bakes"][0]["warning"] == first
-    (folder / "open.ply").write_bytes(ply(*icosphere(1)))
-    assert obscurance("bake", "open.ply", "-o", "open.html").returncode == 0
-    assert facts_of((folder / "open.html").read_bytes())["bakes"][0]["warning"] == ""
 
 
 def test_it_is_measured_when_it_is_asked_for():

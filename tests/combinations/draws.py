@@ -304,9 +304,6 @@ class _Draw:
         st = rectangles[chosen, None, :2] + share * (rectangles[chosen, None, 2:] - rectangles[chosen, None, :2])
         return w, chosen, *self._on_patches(patch[chosen], st)
 
-    def _chart_list(self):
-        return self.charts
-
     def _points(self):
         w = self._read()
         places, normals = np.array(self.cloud.vertices), np.array(self.cloud.normals)

@@ -6,8 +6,8 @@ Each finding prints its number; `python tests/helpers/fuzz/fuzz_worker.py SEED I
 import subprocess
 import sys
 
+import fuzz_commands
 import fuzz_seeds
-import fuzz_structure
 import fuzz_worker
 import fuzzing
 import pytest
@@ -20,11 +20,11 @@ def report(findings, seed):
 
 
 def test_damaged_files():
-    findings, counts, _ = fuzzing.run(1600, "short", processes=1)
+    findings, counts, _ = fuzzing.run(1000, "short", processes=1)
     assert not findings, report(findings, "short")
-    assert sum(map(sum, (each.values() for each in counts.values()))) == 1600
+    assert sum(map(sum, (each.values() for each in counts.values()))) == 1000
     assert all(each["refused"] for each in counts.values())
-    assert sum(each["accepted"] for each in counts.values()) > 100
+    assert sum(each["accepted"] for each in counts.values()) > 60
 
 
 @pytest.mark.slow
@@ -35,28 +35,10 @@ def test_very_many_damaged_files():
 
 
 @pytest.mark.slow
-def test_files_that_are_wrong_by_structure(tmp_path):
-    """Some through one command each, in this process."""
-    inside, made, accepted = fuzz_worker.prepared(tmp_path), tmp_path / "made", 0
-    for index in range(240):
-        family, name, content, chance = fuzz_worker.input_of("structure short", index)
-        spared = (inside / name).read_bytes() if (inside / name).exists() else None
-        (inside / name).write_bytes(content)
-        every = [
-            each for each in fuzz_structure.commands(family, inside / name, made, chance) if each[0] != "materials"
-        ]
-        message, _ = fuzz_structure.checked_command(*every[index // 3 % len(every)], made)
-        accepted += message is None
-        if spared is not None:
-            (inside / name).write_bytes(spared)
-    assert accepted > 20
-
-
-@pytest.mark.slow
-def test_very_many_files_that_are_wrong_by_structure():
-    findings, counts, most = fuzzing.run(15_000, "structure")
+def test_very_many_damaged_files_through_the_commands():
+    findings, counts, most = fuzzing.run(15_000, "commands")
     print(fuzzing.table(counts, most))
-    assert not findings, report(findings, "structure")
+    assert not findings, report(findings, "commands")
 
 
 @pytest.mark.parametrize(
@@ -80,11 +62,11 @@ def test_the_judge_of_commands_notices(tmp_path, status, output, errors, makes, 
         return subprocess.CompletedProcess(arguments, status, output, errors)
 
     with pytest.raises(fuzz_worker.Finding, match=finding):
-        fuzz_structure.checked_command(["view", "m.ply"], tmp_path / "page.html", tmp_path, command)
+        fuzz_commands.checked_command(["view", "m.ply"], tmp_path / "page.html", tmp_path, command)
 
 
 def test_the_same_number_is_the_same_file():
-    for seed in ("a", "structure"):
+    for seed in ("a", "commands"):
         for index in range(2 * len(fuzz_seeds.seeds())):
             first, second = (fuzz_worker.input_of(seed, index)[:3] for _ in range(2))
             assert first == second
@@ -166,8 +148,8 @@ def test_the_driver_notices(tmp_path, step, finding):
         "import os, sys",
         "import fuzz_worker",
         "fuzz_worker.SECONDS = 0.3",
-        "fuzz_worker.warm = lambda inside, made, structure: None",
-        "fuzz_worker.fuzz_structure.companions = lambda: {'m.obj': b''}",
+        "fuzz_worker.warm = lambda inside, made, commands: None",
+        "fuzz_worker.fuzz_commands.companions = lambda: {'m.obj': b''}",
         "def consume(family, path, made, index):",
         f"    {step}",
         "fuzz_worker.consume = consume",

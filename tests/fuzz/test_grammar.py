@@ -14,7 +14,7 @@ from obscurance.scenes.formats.obj.mtl import read_mtl
 from obscurance.scenes.geometry import builtin_shapes, instances
 
 FEW = settings(
-    max_examples=40,
+    max_examples=25,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],

@@ -35,6 +35,13 @@ def obscurance(*arguments):
         return subprocess.CompletedProcess(line, status, output.read(), errors.read())
 
 
+def succeeded(*arguments):
+    """`obscurance`, which must succeed: what it prints otherwise is the failure."""
+    done = obscurance(*arguments)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
 def process(*arguments, **options):
     """Run the command to its end as a process, with the environment, the folder or the random hashes that it has."""
     return subprocess.run(

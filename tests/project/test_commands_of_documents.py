@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 import trimesh
-from command import obscurance
+from command import obscurance, succeeded
 from mesh_files import obj, ply
 from meshes import hills
 from PIL import Image
@@ -47,7 +47,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "sponge.ply").write_bytes(ply(vertices, faces))
     shutil.copy(ROOT / "scenes" / "library" / "still_life.toml", tmp_path / "ball.toml")
     monkeypatch.chdir(tmp_path)
-    assert obscurance("bake", "m.obj", "-o", "demo/temple.ply", "--samples", 16).returncode == 0
+    succeeded("bake", "m.obj", "-o", "demo/temple.ply", "--samples", 16)
     return tmp_path
 
 

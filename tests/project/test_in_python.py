@@ -75,6 +75,9 @@ WRONG = {
     "raytrace.material_from_dict('gold')": "material: expected a table of names and values, got 'gold'",
     "raytrace.light_from_dict('sun')": "light: expected a table of names and values, got 'sun'",
     "ao.bake(BALL, only=[True])": "only: expected bool (42,)",
+    "ao.bake(BALL, high=BALL, only=[True] * 42)": "high does not go with only",
+    "ao.bake(BALL, high=BALL, at='faces')": "high does not go with at",
+    "ao.bake(BALL, high=BALL, method='surface')": "high does not go with method",
     "ao.bake(BALL, normals='aera')": "normals: expected one of angle, area, equal, file",
 }
 

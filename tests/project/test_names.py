@@ -133,16 +133,6 @@ def test_files_that_pages_name_are_there():
         assert missing_files(page.read_text(encoding="utf-8")) == [], page
 
 
-def test_a_name_that_is_not_there_is_noticed():
-    assert is_missing("obscurance.ao.falloff.Fallof")
-    assert is_missing("ao.no_such_module.name")
-    assert is_missing("ao.Bake.no_such_field")
-    assert is_missing("Bake.no_such_field")
-    assert is_missing("scenes.load.parser_errors")
-    assert not is_missing("ao.Bake.bent_normals")
-    assert missing_files("`ao/no_such.py` or `no_such.py`") == ["ao/no_such.py", "no_such.py"]
-
-
 WRITTEN_OUT = {"bake", "bake_points", "bake_texture"}
 """Functions that take all options, each as a parameter, so that an editor shows them."""
 

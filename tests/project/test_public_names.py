@@ -48,30 +48,6 @@ def test_docstrings_have_no_letter_after_a_backtick_where_the_site_would_warn(pa
     assert [text for text in texts if any(letter for _, letter in re.findall(r"(`+)[^`]+\1(\w?)", text))] == []
 
 
-def test_the_public_names_of_the_baker_are_these():
-    assert stub_names("ao") == [
-        "Bake",
-        "BakedTexture",
-        "Binary",
-        "Exponential",
-        "Falloff",
-        "Flag",
-        "Linear",
-        "PreparedMesh",
-        "Profile",
-        "Smooth",
-        "Tabulated",
-        "ToleranceWarning",
-        "Unseen",
-        "bake",
-        "bake_points",
-        "bake_texture",
-        "ground",
-        "prepare",
-        "unseen_faces",
-    ]
-
-
 @pytest.mark.parametrize(("package", "begun", "name"), [("raytrace", "Cook", "CookTorrance"), ("ao", "ba", "bake")])
 def test_tab_completion_finds_them(package, begun, name):
     completer = rlcompleter.Completer({package: import_module(f"obscurance.{package}")})

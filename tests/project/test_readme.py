@@ -5,7 +5,7 @@ import shlex
 import shutil
 
 import numpy as np
-from command import obscurance
+from command import succeeded
 from project import ROOT
 
 from obscurance import ao, scenes
@@ -38,8 +38,7 @@ def test_the_commands_run_one_after_the_other(tmp_path, monkeypatch, demonstrati
             scenes.write("demo/temple.ply", ao.bake(mesh, samples=16), scenes.Asset.of(mesh))
         else:
             small = ["--width", 192, "--height", 128] if words[1] == "render" else []
-            done = obscurance(*words[1:], *small)
-            assert done.returncode == 0, f"{line}\n{done.stderr}"
+            succeeded(*words[1:], *small)
         assert {path for path in tmp_path.rglob("*") if path.is_file()} > made, f"{line} writes nothing"
         made = {path for path in tmp_path.rglob("*") if path.is_file()}
     assert {path.name for path in made} >= {"temple.ply", "temple.png", "temple.html", "temple.glb", "still_life.exr"}

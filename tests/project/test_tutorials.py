@@ -3,7 +3,7 @@
 import re
 
 import pytest
-from command import obscurance
+from command import succeeded
 
 from benchmarks.pictures.tutorials import PAGES, cells, run_page
 from obscurance.raytrace.image.compare import compare
@@ -13,9 +13,7 @@ ALLOWED = 0.003  # mean FLIP, as of all pictures of the documentation
 
 
 def command(*arguments):
-    done = obscurance(*arguments)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return succeeded(*arguments).stdout
 
 
 def values(text):
@@ -44,10 +42,3 @@ def test_tutorials_have_code_commands_outputs_and_pictures():
     assert {language for language, *_ in found} == {"python", "sh"}
     assert sum(text is not None for _, _, text, _ in found) >= 10
     assert sum(picture is not None for *_, picture in found) == 3
-
-
-def test_outputs_that_differ_are_noticed():
-    assert agrees("w = 0.98 ± 0.01, 1,024 rays", "w = 0.98 ± 0.02, 1,020 rays")
-    assert not agrees("w = 0.98 ± 0.01", "w = 0.68 ± 0.01")
-    assert not agrees("w = 0.98", "W = 0.98")
-    assert not agrees("w = 0.98", "")

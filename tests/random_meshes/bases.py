@@ -80,9 +80,9 @@ def _scene(name: str) -> RawMesh:
 BASES: tuple[Base, ...] = (shape, open_plane, colonnade, sponge, winding, built_in)
 
 
-def dense_base(rng: Rng, given: RawMesh | None = None) -> Callable[[int], RawMesh]:
-    """A base of any number of vertices: `given`, of unit size, or one at hand; displaced smoothly or not at all."""
-    make = BASES[rng.integers(len(BASES))](rng) if given is None else lambda h: refined(given, h)
+def dense_base(rng: Rng) -> Callable[[int], RawMesh]:
+    """A base of any number of vertices, displaced smoothly or not at all."""
+    make = BASES[rng.integers(len(BASES))](rng)
     bend = displacement(rng, rng.choice([0.0, 1.0]) * rng.uniform(0.1, 1.0))
 
     def dense(size: int) -> RawMesh:

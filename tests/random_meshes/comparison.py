@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from obscurance.ao import Bake, Falloff, Flag, bake
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.types import Bools, Float64s
 
 NEAR, FAR = 2.5, 6.0  # times its estimated error: beyond them are few vertices, and next to none
-_OUTLIER = 10.0  # times the tolerance: farther from its neighbours than the truth is
 
 
 @dataclass(frozen=True)
@@ -25,7 +23,6 @@ class Figures:
         vertices: number of vertices with a w. beyond: how many are off by more than `NEAR` and than `FAR` times
             their estimated error, that of the truth added in squares.
         rays: traced, a vertex.
-        outliers: vertices farther from the median of their two-ring than the truth is, by ten tolerances.
         undefined: NaN and infinite numbers in w, errors and bent normals.
     """
 
@@ -35,7 +32,6 @@ class Figures:
     vertices: int
     beyond: tuple[int, int]
     rays: float
-    outliers: int
     undefined: int
 
     @property
@@ -71,8 +67,8 @@ def find_truth(mesh: Mesh, falloff: Falloff, samples: int, seed: int) -> Truth:
     return Truth(halves, halves.mean(axis=0), variance, some)
 
 
-def compare_with_truth(mesh: Mesh, baked: Bake, truth: Truth, tolerance: float) -> Figures:
-    """Compare `baked` with the `truth` of `mesh`, which it has no rays in common with.
+def compare_with_truth(baked: Bake, truth: Truth) -> Figures:
+    """Compare a bake with the truth, which it has no rays in common with.
 
     With the two halves a and b of the truth the mean of (w − a)(w − b) is the mean square error without bias.
     """
@@ -89,23 +85,5 @@ def compare_with_truth(mesh: Mesh, baked: Bake, truth: Truth, tolerance: float) 
         vertices=len(off),
         beyond=(int((off > NEAR * expected).sum()), int((off > FAR * expected).sum())),
         rays=baked.rays / count,
-        outliers=int((off_median(mesh, baked.w) - off_median(mesh, truth.w) > _OUTLIER * tolerance).sum()),
         undefined=sum(int(np.count_nonzero(~np.isfinite(array))) for array in arrays),
     )
-
-
-def off_median(mesh: Mesh, w: Float64s) -> Float64s:
-    """How far w is from the median of the vertices at most two edges away, itself one of them, for each place (k,)."""
-    _, first, place = np.unique(mesh.vertices, axis=0, return_index=True, return_inverse=True)
-    faces, values = place.reshape(-1)[mesh.faces], w[first]
-    one, other = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
-    ends = np.concatenate([one, other]), np.concatenate([other, one])
-    count = len(first)
-    ring = csr_array((np.ones(len(ends[0]), np.float32), ends), shape=(count, count))
-    ring = ring + csr_array((np.ones(count, np.float32), (np.arange(count),) * 2), shape=(count, count))
-    both = (ring @ ring).tocoo()
-    order = np.lexsort((values[both.col], both.row))
-    starts = np.r_[0, np.cumsum(np.bincount(both.row, minlength=count))]
-    sorted_ = values[both.col][order]
-    low, high = (starts[:-1] + starts[1:] - 1) // 2, (starts[:-1] + starts[1:]) // 2
-    return np.abs(values - (sorted_[low] + sorted_[high]) / 2)

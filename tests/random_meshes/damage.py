@@ -1,4 +1,4 @@
-"""Damage that meshes suffer in practice: noise, folds, decimation, holes, doubles, seams, flipped edges."""
+"""Damage that meshes suffer in practice: noise, folds, decimation, holes, doubles, seams."""
 
 from __future__ import annotations
 
@@ -92,42 +92,6 @@ def unwelded(part: RawMesh, rng: Rng) -> RawMesh:
     return used((np.concatenate([vertices, corners]), faces))
 
 
-def flipped(part: RawMesh, rng: Rng) -> RawMesh:
-    """Other diagonals: edges between two faces flipped at random, several times over, slivers as they come."""
-    vertices, faces = welded(part)
-    for _ in range(rng.integers(3, 12)):
-        faces = _flip_some(vertices, faces, rng)
-    return vertices, faces
-
-
-def _flip_some(vertices: Float64s, faces: Int64s, rng: Rng) -> Int64s:
-    """Faces (m, 3) after one round of flips, at most one to a face, none that turns a face over."""
-    sides = np.concatenate([faces, np.roll(faces, -1, axis=1), np.roll(faces, -2, axis=1)])  # a, b, opposite corner
-    owner = np.tile(np.arange(len(faces)), 3)
-    keys = np.sort(sides[:, :2], axis=1) @ np.array([len(vertices), 1])
-    order = np.argsort(keys, kind="stable")
-    same = keys[order][1:] == keys[order][:-1]
-    pair = same & ~np.append(same[1:], False) & ~np.append(False, same[:-1])
-    one, two = order[:-1][pair], order[1:][pair]
-    a, b, c, d = sides[one, 0], sides[one, 1], sides[one, 2], sides[two, 2]
-    apex = np.sort(np.stack([c, d], -1), axis=1) @ np.array([len(vertices), 1])
-    fine = (sides[two, 0] == b) & (c != d) & ~np.isin(apex, keys)
-    before = _area_normal(vertices, a, b, c) + _area_normal(vertices, b, a, d)
-    after = _area_normal(vertices, a, d, c), _area_normal(vertices, d, b, c)
-    for normal in after:
-        fine &= np.einsum("ij,ij->i", normal, before) > 0.05 * np.einsum("ij,ij->i", before, before)
-    rank = np.where(fine, rng.random(len(one)), np.inf)
-    first = np.full(len(faces), np.inf)
-    for side in (one, two):
-        np.minimum.at(first, owner[side], rank)
-    _, single = np.unique(apex, return_index=True)  # no new edge made twice
-    chosen = fine & (rank == first[owner[one]]) & (rank == first[owner[two]]) & np.isin(np.arange(len(one)), single)
-    out = faces.copy()
-    out[owner[one[chosen]]] = np.stack([a, d, c], -1)[chosen]
-    out[owner[two[chosen]]] = np.stack([d, b, c], -1)[chosen]
-    return out
-
-
 def _area_normal(vertices: Float64s, a: Int64s, b: Int64s, c: Int64s) -> Float64s:
     return np.cross(vertices[b] - vertices[a], vertices[c] - vertices[a])
 
@@ -165,7 +129,6 @@ DAMAGES: dict[str, tuple[Damage, float]] = {  # and how many times as many verti
     "cut": (cut, 1.8),
     "doubled": (doubled, 1.0),
     "unwelded": (unwelded, 0.5),
-    "re-triangulated": (flipped, 1.0),
 }
 
 

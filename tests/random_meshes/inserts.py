@@ -16,21 +16,6 @@ from .pieces import ball, box, capsule, cells, cylinder, knot, moved, random_tur
 Height = Callable[[Float64s], Float64s]
 
 
-def slab_with_posts(rng: Rng, size: int) -> Mesh:
-    """A slab 8 × 8 with seven posts of .2 × .2 × 2 standing on it, anywhere."""
-    thick = rng.uniform(0.1, 0.6)
-    turns = [random_turn(rng, upright=True) if rng.random() < 0.5 else None for _ in range(7)]
-    feet = np.column_stack([rng.uniform(-3.7, 3.7, (7, 2)), np.ones(7)])
-    hard = bool(rng.random() < 0.5)
-
-    def make(h: float) -> RawMesh:
-        slab = moved(box((8.0, 8.0, thick), h, hard), np.array([0, 0, -thick / 2]))
-        post = box((0.2, 0.2, 2.0), h, hard)
-        return join([slab, *(moved(post, foot, turn) for foot, turn in zip(feet, turns, strict=True))])
-
-    return placed(sized(make, size), rng, "slab with posts")
-
-
 def _ground(rng: Rng) -> tuple[Make, Height]:
     """A dense ground of size 1 × 1, flat or wavy, and its height z at points (n, 2)."""
     amplitude = 0.0 if rng.random() < 0.4 else log_uniform(rng, 0.005, 0.08)

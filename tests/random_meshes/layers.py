@@ -1,4 +1,4 @@
-"""Layered surfaces and jumps of scale: thin sheets, nested shells, terraces, triangulated planar points."""
+"""Layered surfaces and jumps of scale: thin sheets, nested shells, triangulated planar points."""
 
 from __future__ import annotations
 
@@ -73,36 +73,6 @@ def nested_shells(rng: Rng, size: int) -> Mesh:
         return join(parts)
 
     return placed(sized(make, size), rng, "nested shells")
-
-
-def terraces(rng: Rng, size: int) -> Mesh:
-    """Stairs of boxes, each on the one below; or a height field cut into steps."""
-    steps = int(rng.integers(3, 25))
-    if rng.random() < 0.5:
-        corners = np.sort(rng.uniform(0.05, 1.0, (steps, 2)), axis=0)[::-1]
-        heights = np.exp(rng.uniform(np.log(0.002), np.log(0.1), steps))
-        shifts = rng.uniform(-0.5, 0.5, (steps, 2)) * 0.02
-        hard = bool(rng.random() < 0.5)
-
-        def stairs(h: float) -> RawMesh:
-            parts, level = [], 0.0
-            for (a, b), height, shift in zip(corners, heights, shifts, strict=True):
-                parts.append(moved(box((a, b, height), h, hard), np.array([*shift, level + height / 2])))
-                level += height
-            return join(parts)
-
-        return placed(sized(stairs, size), rng, "terraces")
-
-    waves, tall, steep = field(rng, 0.5, 3.0), rng.uniform(0.05, 0.5), rng.uniform(0.0, 0.2)
-
-    def surface(s: Float64s, t: Float64s) -> Float64s:
-        points = np.stack([s - 0.5, t - 0.5, np.zeros_like(s)], -1)
-        level = waves(points.reshape(-1, 3)).reshape(s.shape) * steps / 6
-        up = np.floor(level) + np.clip((level - np.floor(level) - 1) / max(steep, 1e-9) + 1, 0, 1)
-        points[..., 2] = tall * up * 6 / steps / 4
-        return points
-
-    return placed(sized(lambda h: sheet(surface, cells(1.0, h), cells(1.0, h)), size), rng, "terraces")
 
 
 def scale_jumps(rng: Rng, size: int) -> Mesh:

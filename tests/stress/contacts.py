@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from meshes import grid
 
 from obscurance.ao import Binary, bake
 from obscurance.scenes.geometry.polyhedra import RawMesh, hull, join
 
 from .line import ERROR, Line, undefined
 from .pose import Pose
-from .solids import grid, inward
+from .solids import inward
 
 GAP = 1e-6
 

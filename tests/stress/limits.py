@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from meshes import grid
+
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.warnings import precision_warnings
 from obscurance.scenes.geometry.polyhedra import RawMesh, icosphere, join
@@ -11,7 +13,7 @@ from obscurance.scenes.validation.table import configurations
 
 from .line import Line
 from .pose import Pose, poses
-from .solids import closed, convex, grid, stretched
+from .solids import closed, convex, stretched
 
 
 def limits(long: bool, warnings_of: Callable[[Mesh], list[str]] = precision_warnings) -> Iterator[Line]:

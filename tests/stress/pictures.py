@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
+from meshes import grid
 
 from obscurance.raytrace import Camera, Frame, Lambert, Object, Scene, Settings, Shape, render
 from obscurance.raytrace.lights.sources import BaseLight, DirectionalLight, PointLight
@@ -14,7 +15,7 @@ from obscurance.scenes.geometry.polyhedra import RawMesh, icosphere, join
 
 from .line import LEAKS, MILLION, SELF_HITS, Line, undefined
 from .pose import Pose
-from .solids import cube, grid
+from .solids import cube
 
 FAR = 1e30
 GREY = (0.8, 0.8, 0.8)

@@ -32,7 +32,7 @@ def leaks(long: bool) -> Iterator[Line]:
     """Closed meshes seen from inside: a line for each, over all poses, then lines of random rays."""
     for name, part in closed().items():
         yield leak(name, part, poses(long) + ([] if name in TORN else _SINGLE), _samples(long))
-    count = 4_000_000 if long else 500_000
+    count = 4_000_000 if long else 200_000
     for name in ("icosphere", "torus", "cube with T-junctions", "slab 1000:1000:1"):
         yield _random_rays(name, closed()[name], count)
 

@@ -3,22 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from meshes import raw_mesh
+from meshes import grid, raw_mesh, torus
 
 from obscurance.raytrace.types import Float64s
 from obscurance.scenes.geometry.builtin_shapes import menger
 from obscurance.scenes.geometry.polyhedra import RawMesh, hull, icosphere, join, prism
 from obscurance.scenes.geometry.primitives import box
-
-
-def grid(cells: int, size: float = 1.0) -> RawMesh:
-    """A square in z = 0 facing +z, centred."""
-    steps = np.linspace(-size / 2, size / 2, cells + 1)
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
-    first = np.array([i * (cells + 1) + j for i in range(cells) for j in range(cells)])
-    right, across = first + cells + 1, first + cells + 2
-    faces = np.concatenate([np.stack([first, right, across], -1), np.stack([first, across, first + 1], -1)])
-    return np.stack([x, y, np.zeros_like(x)], axis=-1), faces
 
 
 def cube(cells: int) -> RawMesh:
@@ -30,17 +20,6 @@ def ellipsoid(points: int, axes: tuple[float, float, float]) -> RawMesh:
     """Convex hull of random points on an ellipsoid: flat triangles where it is flat."""
     directions = np.random.default_rng(0).normal(size=(points, 3))
     return hull(directions / np.linalg.norm(directions, axis=1, keepdims=True) * axes)
-
-
-def torus(major: int = 60, minor: int = 30, thickness: float = 0.45) -> RawMesh:
-    """A torus of radius 1 about z."""
-    u, v = (axis.ravel() for axis in np.meshgrid(np.arange(major), np.arange(minor), indexing="ij"))
-    a, b = 2 * np.pi * u / major, 2 * np.pi * v / minor
-    ring = 1 + thickness * np.cos(b)
-    vertices = np.stack([ring * np.cos(a), ring * np.sin(a), thickness * np.sin(b)], axis=-1)
-    right, up = (u + 1) % major * minor, (v + 1) % minor
-    here, beside, above, across = u * minor + v, right + v, u * minor + up, right + up
-    return vertices, np.concatenate([np.stack([here, beside, across], -1), np.stack([here, across, above], -1)])
 
 
 def junctions(cells: int = 12) -> RawMesh:
@@ -105,7 +84,7 @@ def closed() -> dict[str, RawMesh]:
     """Closed parts that face outward, by name."""
     return {
         "icosphere": icosphere(4),
-        "torus": torus(),
+        "torus": torus(60, 30),
         "cube, hard edges": cube(20),
         "coarse cube, hard edges": cube(8),
         "cube with T-junctions": junctions(),

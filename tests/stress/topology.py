@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from math import pi, sin
 
 import numpy as np
+from meshes import grid
 
 from obscurance.ao import Binary, bake
 from obscurance.raytrace.mesh.mesh import Mesh
@@ -13,7 +14,6 @@ from obscurance.scenes.geometry.polyhedra import RawMesh, hull, icosphere, join,
 
 from .line import ERROR, Line, undefined
 from .pose import Pose
-from .solids import grid
 
 PAGES = 8
 _FAR = 1000.0

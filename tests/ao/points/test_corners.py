@@ -12,16 +12,8 @@ from reference import corner_means, folded
 from stress.solids import grid
 
 from obscurance import ao
-from obscurance.ao.execute.tracer import Tracer
-from obscurance.ao.memory import corner_bytes
-from obscurance.ao.points.corners import CornerSamples
-from obscurance.ao.points.points import Points
-from obscurance.ao.points.receivers import find_receivers
-from obscurance.ao.rays.ray_scene import RayScene
-from obscurance.raytrace import MemoryLimitError, Mesh
+from obscurance.raytrace import Mesh
 from obscurance.raytrace.mesh.normals import own_vertex_normals
-from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.sampling import seed_key
 from obscurance.scenes.geometry.polyhedra import icosphere, join
 from obscurance.scenes.validation.reference import reference
 
@@ -79,25 +71,6 @@ def test_their_errors_are_estimated(options):
     assert np.quantile(np.abs(off), 0.999) < 6
 
 
-def test_ordinary_vertices_keep_their_bits(noisy):
-    """Their points, numbers and directions are what they are without corners."""
-    mesh = Mesh(*noisy)
-    placement = Placement.of(mesh)
-    receivers = find_receivers(mesh, placement)
-    points = receivers.points
-    assert points.numbers.tolist() == list(range(len(points)))
-    assert receivers.corners.points.numbers.tolist() == list(
-        range(len(points), len(points) + len(receivers.corners.points))
-    )
-    scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
-    mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
-    tracer = Tracer(scene, mu, placement.diagonal, 1, len(points))
-    plain = tracer.gather(points, 64, seed_key(0))[:, 0, 0]
-    baked = ao.bake(mesh, ao.Binary(), samples=64, denoise=False)
-    np.testing.assert_array_equal(baked.w[~split(baked)], plain[receivers.of_vertex][~split(baked)])
-    assert (baked.w != plain[receivers.of_vertex])[split(baked)].mean() > 0.9
-
-
 def test_some_are_baked_like_all_by_any_number_of_threads(noisy):
     mesh = Mesh(*noisy)
     only = np.arange(len(mesh.vertices)) % 3 == 0
@@ -131,13 +104,6 @@ def test_a_sheet_with_both_sides_welded_is_the_mean_of_both(side):
     baked = ao.bake(mesh, ao.Binary(), samples=256)
     assert baked.flagged["opposed"] == 9
     assert baked.w[4] == pytest.approx(0.5, abs=0.002)
-
-
-def test_the_bent_normal_of_an_open_sheet_is_its_normal():
-    """The mean direction of what both sides see is nothing but noise."""
-    baked = ao.bake(Mesh(*two_sided(1)), samples=64)
-    assert (baked.w == 1).all()
-    np.testing.assert_allclose(np.abs(baked.bent_normals[:, 2]), 1)
 
 
 @pytest.mark.parametrize("tolerance", [0.02, 0.1])
@@ -183,38 +149,3 @@ def test_the_files_normals_are_obeyed_where_they_are_in_front_of_the_faces(noisy
     flags = ao.bake(mesh, samples=8).flags
     assert not (flags[own] & TORN).any()
     np.testing.assert_array_equal(flags[~own] & TORN, ao.bake(Mesh(*noisy), samples=8).flags[~own] & TORN)
-
-
-def test_places_lie_inside_their_faces_and_weights_sum_to_one(noisy):
-    mesh = Mesh(*noisy)
-    placement = Placement.of(mesh)
-    corners = find_receivers(mesh, placement).corners
-    sums = np.add.reduceat(corners.weights, corners.starts[:-1])
-    np.testing.assert_allclose(sums, 1)
-    triangles = placement.vertices[mesh.faces].astype(float)
-    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    for origin, axis in zip(corners.points.origins[::7].astype(float), corners.points.normals[::7], strict=True):
-        in_plane = triangles[np.abs(normal - axis).max(axis=1) < 1e-6]
-        weights = [np.linalg.lstsq(np.vstack([t.T, np.ones(3)]), np.append(origin, 1), rcond=None)[0] for t in in_plane]
-        assert any((w > 0).all() and 0.7 < w.max() < 0.985 for w in weights)
-
-
-def test_means_keep_equal_values_and_combine_variances():
-    points = Points.lifted(*np.zeros((3, 5, 3)))
-    corners = CornerSamples(np.array([2, 7]), np.array([0, 3, 5]), points, np.array([0.2, 0.3, 0.5, 0.1, 0.9]))
-    assert corners.mean(np.full((5, 1), 0.1)).tolist() == [[0.1], [0.1]]
-    np.testing.assert_allclose(corners.mean(np.arange(5.0)[:, None])[:, 0], [1.3, 3.9])
-    np.testing.assert_allclose(corners.variance(np.ones(5)), [0.38, 0.82])
-    kept = corners.only(np.array([3, 7, 9]))
-    assert kept.point_rows.tolist() == [1]
-    assert kept.starts.tolist() == [0, 2]
-    assert kept.points.numbers.tolist() == [3, 4]
-    assert len(corners.only(np.array([3]))) == 0
-
-
-def test_corners_that_do_not_fit_into_memory_are_refused(available_memory):
-    mesh = Mesh(*crumpled(icosphere(4), 0.5, 0), None)
-    available_memory(corner_bytes(3000))
-    with pytest.raises(MemoryLimitError, match="corners of folded vertices"):
-        find_receivers(mesh, Placement.of(mesh))

@@ -51,8 +51,7 @@ def litter(seed, height, side=SIDE, count=12):
     return leaves, covered
 
 
-@pytest.mark.parametrize("height", [1e-4, 1e-5, 1e-6])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("seed", "height"), [(1, 1e-4), (2, 1e-5), (1, 1e-6)])
 @pytest.mark.filterwarnings("ignore::obscurance.ao.ToleranceWarning")
 def test_texels_on_either_side_of_a_leaf_s_edge_are_not_predicted_from_one(seed, height):
     leaves, covered = litter(seed, height)
@@ -114,7 +113,7 @@ def under_slats(spread, size, phase):
     return over_floor(slats), np.reshape(free, (size, 4)).mean(axis=1)
 
 
-@pytest.mark.parametrize("spread", [60, 40, 20, 10])
+@pytest.mark.parametrize("spread", [60, 10])
 def test_a_floor_under_slats_in_a_cone(spread):
     size, tolerance = 128, 0.005
     (mesh, uv), w = under_slats(spread, size, 0.031)

@@ -5,10 +5,9 @@ import pytest
 import trimesh
 from meshes import crumpled
 
-from obscurance import ao
 from obscurance.ao import Flag
 from obscurance.ao.points.receivers import find_receivers
-from obscurance.raytrace import Mesh, OptionError
+from obscurance.raytrace import Mesh
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.ray_origins.direction import outermost_normals
 
@@ -34,12 +33,6 @@ def test_a_sphere_of_loose_triangles_is_smooth_again():
     assert len(found.points) == len(sphere.vertices)
     outward = found.points.origins / np.linalg.norm(found.points.origins, axis=1, keepdims=True)
     assert np.einsum("ij,ij->i", found.points.normals, outward).min() > 0.999
-
-
-def test_shared_vertices_are_never_split():
-    cube = trimesh.creation.box()
-    found = receivers(Mesh(cube.vertices, cube.faces))
-    np.testing.assert_allclose(np.abs(found.points.normals), 3**-0.5, atol=1e-6)
 
 
 def test_unreferenced_and_degenerate_vertices_are_flagged_and_have_no_receiver():
@@ -71,12 +64,6 @@ def test_a_file_normal_behind_its_face_is_of_no_use():
     for normal, axis in (([0, 0, -1], [0, 0, 1]), ([0.1, 0, -0.99], [0, 0, 1]), ([1, 0, -1e-4], [1, 0, -1e-4])):
         found = receivers(Mesh(vertices, faces, [normal] * 3), "file")
         np.testing.assert_allclose(found.points.normals, [axis] * 3, atol=1e-7)
-
-
-def test_normals_must_be_known():
-    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    with pytest.raises(OptionError, match="normals: expected one of angle, area, equal, file"):
-        ao.bake(mesh, normals="best")
 
 
 def test_a_normal_behind_one_of_its_faces_is_moved_in_front_of_all():

@@ -35,9 +35,3 @@ def test_every_point_draws_every_part_as_often():
     assert (np.sort(parts, axis=1) == np.arange(4)).all()
     counts = np.array([np.bincount(column, minlength=4) for column in parts.T])
     assert np.abs(counts - 250).max() < 60
-
-
-def test_points_that_draw_alone_draw_what_they_did():
-    one, other = DirectionTable.make(SAMPLES, 1000, KEY), DirectionTable.make(SAMPLES, 1000, KEY, 1)
-    assert np.array_equal(one.directions, other.directions)
-    assert {drawn(one, number)[1] for number in range(500)} == set(range(len(one.directions)))

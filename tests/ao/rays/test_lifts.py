@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from meshes import grid
 from scipy.special import expn
 
 from obscurance import ao
 from obscurance.raytrace import Mesh
-from obscurance.scenes.geometry.polyhedra import generic_rotation
+from obscurance.scenes.geometry.polyhedra import generic_rotation, join
 
 GAP = 1e-5  # of the size
 PLANES = 2 * expn(3, np.log(2))  # closed below a plane as far away as the half-distance
@@ -15,14 +16,9 @@ CELLS = 5
 
 def gap(turn):
     """A floor in the middle below a ceiling, all turned."""
-    s, t = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(-1, 1, CELLS + 1)], indexing="ij"))
-    corner = (np.arange(CELLS)[:, None] * (CELLS + 1) + np.arange(CELLS)).ravel()
-    a, b, c, d = corner, corner + CELLS + 1, corner + CELLS + 2, corner + 1
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
-    floor = np.stack([0.1 * s, 0.1 * t, 0 * s], -1)
-    ceiling = np.stack([0.5 * s, 0.5 * t, 0 * s + GAP], -1)
-    vertices = generic_rotation(turn).apply(np.concatenate([floor, ceiling]))
-    return vertices, np.concatenate([faces, len(s) + faces[:, ::-1]]), len(s)
+    floor, ceiling = grid(CELLS, 0.2), grid(CELLS)
+    vertices, faces = join([floor, (ceiling[0] + [0, 0, GAP], ceiling[1][:, ::-1])])
+    return generic_rotation(turn).apply(vertices), faces, len(floor[0])
 
 
 def values(kind, mesh, count, falloff, options):

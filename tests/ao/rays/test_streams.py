@@ -46,12 +46,12 @@ def test_the_same_rays_meet_the_same_as_with_embree(name, falloff):
     assert compare(Mesh(*MESHES[name]), FALLOFFS[falloff]) < APART
 
 
-@pytest.mark.parametrize("falloff", FALLOFFS)
+@pytest.mark.parametrize("falloff", ["binary", "exponential, limited"])
 def test_nor_on_a_mesh_with_hard_edges_and_contacts(falloff):
     assert compare(temple(0.6), FALLOFFS[falloff], 100) < APART
 
 
-@pytest.mark.parametrize("samples", [16, 17, 31, 32, 33, 48, 64, 250, 272, 2500])
+@pytest.mark.parametrize("samples", [16, 17, 31, 32, 33, 250, 1000])
 def test_nor_with_any_number_of_rays(samples):
     """Blocks, groups of blocks and lists of rays that are full or not."""
     assert compare(Mesh(*hills(30)), ao.Exponential(), samples) < 1e-6
@@ -166,11 +166,6 @@ def test_slivers_and_needles_of_all_sizes_are_met_as_truly_as_by_embree(seed):
     streams, packets = (np.mean(np.abs(found - true)) for found in (prepared.streams(), prepared.packets()))
     assert streams < 3e-4
     assert streams < packets + 1e-5
-
-
-def test_boxes_too_small_would_be_seen():
-    prepared = Prepared(Mesh(*hills(40)), 256)
-    assert np.mean(prepared.streams(scaled(prepared.tree, 0.8)) - prepared.streams()) > 1e-4
 
 
 def scaled(tree, factor):

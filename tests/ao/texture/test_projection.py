@@ -98,14 +98,6 @@ def test_meshes_that_are_apart_are_refused_before_any_work(times, shift):
     assert not stages
 
 
-def test_no_closest_points_are_sought_where_nothing_is_met():
-    """Within a mesh fifty times as large every point would be compared with most of its faces."""
-    mesh, uv = icosphere(2)
-    stages, line = stages_of(mesh, uv, Mesh(mesh.vertices * 50, mesh.faces))
-    assert "within the cage" in line
-    assert stages == {"coverage"}
-
-
 def test_what_the_cage_misses_is_sought_in_small_steps_that_are_told():
     mesh, uv = icosphere(2)
     one = mesh.vertices[mesh.faces[0]]

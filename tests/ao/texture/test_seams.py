@@ -26,20 +26,6 @@ def seams_of(uv, points, wraps=True):
     return Seams.find(np.asarray(uv, float), np.asarray(points), SIZE, wraps)
 
 
-def test_a_lookup_is_bilinear_between_the_centres_of_texels():
-    page = np.arange(256.0).reshape(16, 16)
-    at = Lookups.at(np.array([[3.5, 2.5], [4.0, 2.5], [3.5, 3.25]]), SIZE, True)
-    assert np.allclose(at.values(page.ravel()), [2 * 16 + 3, 2 * 16 + 3.5, 2.75 * 16 + 3])
-
-
-def test_a_lookup_at_the_edge_wraps_or_is_clamped():
-    page = np.zeros(256)
-    page[15] = 1.0
-    at = np.array([[0.0, 0.5]])
-    assert Lookups.at(at, SIZE, True).values(page)[0] == 0.5
-    assert Lookups.at(at, SIZE, False).values(page)[0] == 0.0
-
-
 @pytest.mark.parametrize(("apart", "edges"), [(0.0, 0), (0.1, 1)])
 def test_only_edges_at_two_places_are_seams(apart, edges):
     mesh, uv = folded(apart)

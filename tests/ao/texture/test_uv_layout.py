@@ -79,12 +79,6 @@ def test_nothing_in_the_unit_square():
         layout(np.array([CORNERS]) + 5, wraps=False)
 
 
-@pytest.mark.parametrize("size", [0, -4, 16385, 10**6, True, 2.5, "512", None, (4,), (4, 0), (4, 4, 4)])
-def test_sizes_that_are_none(size):
-    with pytest.raises(OptionError, match="from 1 to 16384"):
-        page_size(size)
-
-
 def test_sizes():
     assert page_size(7) == (7, 7)
     assert page_size((3, 5)) == (3, 5)

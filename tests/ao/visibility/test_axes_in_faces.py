@@ -17,7 +17,7 @@ from obscurance.scenes.geometry.polyhedra import icosphere
 CELLS = 4
 PIXELS = 10  # texels along a patch
 MODES = {"plain": {}, "ignore": {"back_faces": "ignore"}, "cone": {"spread": 100.0}}
-SAMPLES = 1024
+SAMPLES, RAYS = 1024, 1 << 10  # of the reference
 
 
 def patch(corner, u, v):
@@ -162,13 +162,13 @@ def reference(corners, origin, rays, one_sided=False, normal=(0, 0, 0)):
 def expected(scene, places, normals, options, of_file=False):
     """w at places on faces of these normals. Args: of_file: whether axes behind their face are none, and the face's is
     taken."""
-    rays = directions(scene.axis, 1 << 11, options.get("spread", 180.0))
+    rays = directions(scene.axis, RAYS, options.get("spread", 180.0))
     lifted = places + 1e-7 * scene.size * normals
     w = []
     for origin, normal in zip(lifted, normals, strict=True):
         held = np.zeros(3) if scene.shape == "box" else normal  # whose edges lie on several faces
         if of_file and normal @ scene.axis < -0.01:
-            rays_there = directions(normal, 1 << 11, options.get("spread", 180.0))
+            rays_there = directions(normal, RAYS, options.get("spread", 180.0))
         else:
             rays_there = rays
         w.append(reference(scene.corners, origin, rays_there, "back_faces" in options, held))
@@ -179,7 +179,7 @@ def expected(scene, places, normals, options, of_file=False):
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("kind", ["vertices", "faces", "texels", "points"])
 def test_what_a_face_has_below_is_closed(kind, shape, mode):
-    for seed, normals in ((1, "up"), (2, "file"), (3, "up")):
+    for seed, normals in ((1, "up"), (2, "file")):
         if (kind, normals) == ("faces", "file"):  # faces have hemispheres about their own normals
             continue
         scene = Scene(shape, seed, normals)
@@ -187,7 +187,7 @@ def test_what_a_face_has_below_is_closed(kind, shape, mode):
         if kind == "points":  # whose axes choose the back of a face that they are far behind
             seen = face_normals @ scene.axis > -0.7
             w, places, face_normals = w[seen], places[seen], face_normals[seen]
-        some = np.random.default_rng(seed).permutation(len(w))[:24]
+        some = np.random.default_rng(seed).permutation(len(w))[:16]
         of_file = normals == "file" and kind != "points"
         truth = np.array(expected(scene, places[some], face_normals[some], MODES[mode], of_file))
         error = np.sort(w[some] - truth)

@@ -4,6 +4,7 @@ from math import cos, pi, radians, sin, tan
 
 import numpy as np
 import pytest
+from meshes import grid
 from scipy.integrate import dblquad
 
 from obscurance import ao
@@ -73,12 +74,8 @@ def test_a_normal_that_leans_towards_a_wall():
 @pytest.mark.parametrize("options", [{"tolerance": 0.005}, {"method": "surface"}, {"samples": 256}, {"profile": True}])
 def test_the_other_ways_of_a_bake(options):
     """A floor whose cones all end on one ceiling."""
-    side = np.linspace(-1, 1, 5)
-    x, y = (each.ravel() for each in np.meshgrid(side, side))
-    cells = (5 * np.arange(4)[:, None] + np.arange(4)).reshape(-1, 1)
-    halves = np.array([[0, 1, 6], [0, 6, 5]])
-    floor = np.stack([x, y, 0 * x], axis=-1), (cells[:, None] + halves).reshape(-1, 3)
     ceiling = 3.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) + [0, 0, HEIGHT]
+    floor = grid(4, 2.0)
     mesh = Mesh(*join([floor, polygon(ceiling)]))
     exact = in_cone(np.inf, 100, 1.5, np.inf)
     baked = ao.bake(mesh, ao.Exponential(tau=1.5), spread=100, **options)

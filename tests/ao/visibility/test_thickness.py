@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from meshes import grid
 
 from obscurance import ao
 from obscurance.ao import closed_forms as analytic
@@ -29,13 +30,10 @@ EXPONENTIAL = {"falloff": ao.Exponential(tau=1.5), "thickness": True}
 
 def box(*sides, steps=4):
     """A box about the origin whose faces are grids of steps² cells, vertices of each face its own."""
-    parts, grid = [], np.linspace(-0.5, 0.5, steps + 1)
-    u, v = (each.ravel() for each in np.meshgrid(grid, grid, indexing="ij"))
-    row = (np.arange(steps)[:, None] * (steps + 1) + np.arange(steps)).reshape(-1, 1, 1)
-    faces = (row + np.array([[0, steps + 1, steps + 2], [0, steps + 2, 1]])).reshape(-1, 3)
+    parts, (flat, faces) = [], grid(steps)
     for axis in range(3):
         for side in (-0.5, 0.5):
-            corners = np.roll(np.stack([u, v, np.full(len(u), side)], axis=-1), axis + 1, axis=1) * sides
+            corners = np.roll(np.add(flat, [0, 0, side]), axis + 1, axis=1) * sides
             parts.append((corners, faces if side > 0 else faces[:, ::-1]))
     return Mesh(*join(parts))
 

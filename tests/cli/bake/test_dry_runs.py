@@ -67,11 +67,6 @@ def test_a_batch_is_described_as_a_whole(folder):
     assert (list(rows)[-1], rows["would fail"]) == ("would fail", "1 of 3 meshes")
 
 
-def test_mistakes_are_reported_as_by_a_bake(folder):
-    refused(obscurance("bake", "gone.obj", "-o", "w.npy", "--dry-run"), "gone.obj: file: expected an existing file")
-    refused(obscurance("bake", "hills.obj", "-o", "w.npy", "--samples", 0, "--dry-run"), "bake --samples")
-
-
 def test_of_a_mesh_without_a_usable_face_there_is_nothing_to_bake(folder):
     (folder / "flat.obj").write_text("v 0 0 0\nv 0 0 0\nv 1 0 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 1/3\n")
     rows = plan("flat.obj", "-o", "w.npy")

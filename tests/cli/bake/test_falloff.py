@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from command import obscurance, refused_without_a_trace
+from command import obscurance, refused_without_a_trace, succeeded
 from meshes import hills
 from profiles import with_profile
 
@@ -40,8 +40,7 @@ def folder(tmp_path, bake, monkeypatch):
 @pytest.mark.parametrize("ending", [".npy", ".npz", ".ply", ".glb"])
 def test_every_format_gets_w_of_another_half_distance(folder, bake, source, ending):
     mesh = ["--mesh", "plain.ply"] if source == "m.npz" and ending in (".ply", ".glb") else []
-    done = obscurance("falloff", source, "--half-distance", "12%", "-o", f"out{ending}", *mesh)
-    assert done.returncode == 0, done.stderr
+    done = succeeded("falloff", source, "--half-distance", "12%", "-o", f"out{ending}", *mesh)
     assert f"out{ending}: w at 12%, " in done.stdout
     count = len(load(source).mesh.vertices) if source == "m.glb" and ending != ".glb" else len(bake.w)
     w = read_w(folder / f"out{ending}", count)
@@ -65,8 +64,8 @@ def test_a_texture_and_a_page(folder):
     expected = find_profile(folder / "t.exr").at(1.0)
     assert np.allclose(read_image("out.exr")[0]["beauty"][..., 0], expected, atol=1e-6)
     assert np.array_equal(find_profile(folder / "out.exr").values, find_profile(folder / "t.exr").values)
-    assert obscurance("falloff", "t.exr", "--half-distance", "50%", "-o", "out.png").returncode == 0
-    assert obscurance("falloff", "m.ply", "--half-distance", "50%", "-o", "out.html").returncode == 0
+    succeeded("falloff", "t.exr", "--half-distance", "50%", "-o", "out.png")
+    succeeded("falloff", "m.ply", "--half-distance", "50%", "-o", "out.html")
     assert b"obscurance falloff m.ply --half-distance {} -o m-falloff.ply" in (folder / "out.html").read_bytes()
 
 
@@ -86,8 +85,7 @@ def test_pictures_are_those_of_the_w_that_falloff_writes(folder):
         ("render", "scene.toml", "--baked", "two.npz", "-o", "d.exr", "-q"),
     ]
     for line in lines:
-        done = obscurance(*line)
-        assert done.returncode == 0, done.stderr
+        succeeded(*line)
     a, b, w, c, d = (read_image(f"{name}.exr")[0]["obscurance"] for name in "abwcd")
     assert np.abs(a - b).max() < 1e-6
     assert np.abs(a - w).max() > 0.01

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from gltf_files import QUAD, TRIANGLE, Builder
 from mesh_files import ply
 from PIL import Image
@@ -44,7 +44,7 @@ def test_what_is_written_is_turned_over_with_its_corners(tmp_path, monkeypatch, 
     (tmp_path / "house.obj").write_text(HOUSE)
     straight, turned = f"straight.{ending}", f"turned.{ending}"
     for options, output in (((), straight), (("--flip",), turned)):
-        assert obscurance("bake", "house.obj", "-o", output, "--samples", 64, *options).returncode == 0
+        succeeded("bake", "house.obj", "-o", output, "--samples", 64, *options)
     before, after = load(tmp_path / straight), load(tmp_path / turned)
     assert len(before.mesh.vertices) == len(after.mesh.vertices)
     corners = after.mesh.vertices[after.mesh.faces]
@@ -78,7 +78,7 @@ def test_a_gltf_keeps_its_faces_in_a_glb(tmp_path):
     builder.mesh(builder.primitive(QUAD, TRIANGLE))
     (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
     refused(obscurance("bake", tmp_path / "m.glb", "-o", tmp_path / "w.glb", "--flip"), "bake --flip: expected another")
-    assert obscurance("bake", tmp_path / "m.glb", "-o", tmp_path / "w.ply", "--flip", "--samples", 1).returncode == 0
+    succeeded("bake", tmp_path / "m.glb", "-o", tmp_path / "w.ply", "--flip", "--samples", 1)
 
 
 def test_a_gltf_is_turned_over_into_an_image(tmp_path):
@@ -98,7 +98,6 @@ def test_a_gltf_is_turned_over_into_an_image(tmp_path):
     (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
     image = "bake", tmp_path / "m.glb", "-o", tmp_path / "w.png", "--size", 32, "--samples", 16, "--falloff", "binary"
     for options, right in (((), 0), (("--flip",), 65535)):
-        done = obscurance(*image, *options)
-        assert done.returncode == 0, done.stderr
+        succeeded(*image, *options)
         assert abs(np.asarray(Image.open(tmp_path / "w.png")).astype(int) - right).max() < 300
     refused(obscurance(*image, "--flip", "--mesh-output", tmp_path / "o.glb"), "bake --flip: expected another")

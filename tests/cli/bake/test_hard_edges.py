@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from command import obscurance
+from command import obscurance, succeeded
 from gltf_files import check_glb, values
 from hard_edges import CORNERS, FACES, INWARDS, OF, OPENING, SIDES
 from mesh_files import obj, ply
@@ -52,9 +52,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def bake(*arguments):
-    done = obscurance("bake", *arguments)
-    assert done.returncode == 0, done.stderr
-    return done.stderr
+    return succeeded("bake", *arguments).stderr
 
 
 def normals_and_w(path):

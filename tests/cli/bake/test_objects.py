@@ -6,7 +6,7 @@ import shlex
 
 import numpy as np
 import pytest
-from command import obscurance
+from command import obscurance, succeeded
 from gltf_files import Builder
 from uv_meshes import grid_charts
 
@@ -45,8 +45,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def baked(*options, mesh="m.obj", output="w.npy"):
-    done = obscurance("bake", mesh, "-o", output, *FEW, *options)
-    assert done.returncode == 0, done.stderr
+    done = succeeded("bake", mesh, "-o", output, *FEW, *options)
     return np.load(output) if output == "w.npy" else done
 
 
@@ -91,11 +90,11 @@ def test_a_ball_over_a_plane(folder):
     options = "--falloff", "binary", "--samples", "1024", "--no-denoise"
     plane = 1 - 1.5 / (x**2 + y**2 + 1.5**2) ** 1.5
     for some in (("--cast", "ball"), ("--receive", "plane"), ("--receive", "plane", "--cast", "!plane")):
-        assert obscurance("bake", "over.obj", "-o", "w.npy", *options, *some).returncode == 0
+        succeeded("bake", "over.obj", "-o", "w.npy", *options, *some)
         w = np.load("w.npy")
         assert np.abs(w[:81] - plane).max() < 0.01
         assert (w[81:] > 0.999).all()
-    assert obscurance("bake", "over.obj", "-o", "w.npy", *options, "--cast", "plane").returncode == 0
+    succeeded("bake", "over.obj", "-o", "w.npy", *options, "--cast", "plane")
     w = np.load("w.npy")
     assert (w[:81] == 1).all()
     assert w[81:].min() < 0.75
@@ -108,7 +107,7 @@ def test_reports_repeat_them(folder):
     assert report["options"]["receive"] == ["body", "hat"]
     for command in (shlex.split(report["command"])[1:], ["bake", "-o", "w.npy", "--options", "r.json"]):
         (folder / "w.npy").unlink()
-        assert obscurance(*command).returncode == 0
+        succeeded(*command)
         assert np.array_equal(np.load("w.npy"), w)
     assert "324 vertices" in baked(*some, "--dry-run", output="none.npy").stdout
 
@@ -200,7 +199,7 @@ def test_from_python(folder):
 def test_a_batch_excludes_where_there_is_something_to_exclude(folder):
     (folder / "plain.obj").write_text((folder / "m.obj").read_text().replace("_collision", "_skin"))
     options = "--output-dir", "out", "--format", "npy", *FEW, "--exclude", "*_collision"
-    assert obscurance("bake", "m.obj", "plain.obj", *options).returncode == 0
+    succeeded("bake", "m.obj", "plain.obj", *options)
     rows = ROWS["body_collision"]
     assert (np.load("out/m.npy")[rows] == 1).all()
     assert (np.load("out/plain.npy")[rows] < 1).any()

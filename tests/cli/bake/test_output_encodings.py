@@ -7,8 +7,7 @@ import sys
 
 import pytest
 import trimesh
-from command import obscurance, process, refused
-from project import ROOT
+from command import obscurance, process, refused, succeeded
 
 from obscurance.scenes.bake.console import readable_output
 
@@ -62,35 +61,16 @@ def test_commands_on_ascii_outputs(tmp_path, environment):
     refused(done, "a part of 960")
 
 
-SOME_ROWS = """
-from obscurance import cli
-from obscurance.scenes.validation import table
-lines = [line for line in table.configurations() if line.name == "infinite wall"]
-table.configurations = lambda: lines
-cli.main()
-"""
-
-
-def test_the_validation_table_in_ascii():
-    command = [sys.executable, "-c", SOME_ROWS, "validate", "--samples", "8"]
-    environment = {**os.environ, **PLAIN[0]}
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "tau = 2" in done.stdout
-
-
 @pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="file names are UTF-8 there")
 def test_file_names_that_are_no_text(tmp_path):
     strange = os.fsdecode(os.fsencode(tmp_path) + b"/\xff")
     trimesh.creation.box().export(tmp_path / "box.ply")
     (tmp_path / "box.ply").rename(strange + ".ply")
-    done = obscurance("bake", strange + ".ply", "-o", strange + ".npy", "--report", strange + ".json", "--samples", 8)
-    assert done.returncode == 0, done.stderr
+    done = succeeded("bake", strange + ".ply", "-o", strange + ".npy", "--report", strange + ".json", "--samples", 8)
     assert "\\udcff.npy: 8 vertices" in done.stdout
     for ending in (".png", ".exr"):
         size = ("--width", 8, "--height", 8, "--samples", 1)
-        done = obscurance("render", strange + ".ply", "-o", strange + ending, *size)
-        assert done.returncode == 0, done.stderr
+        done = succeeded("render", strange + ".ply", "-o", strange + ending, *size)
         refused(obscurance("compare", strange + ending, strange + ending), "path in UTF-8")
     done = obscurance("bake", strange + ".ply", "-o", tmp_path / "a\x1b[31m.npy", "--samples", 8)
     assert "a\\x1b[31m.npy: 8 vertices" in done.stdout

@@ -5,7 +5,7 @@ import os
 
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from gltf_files import QUAD, Builder
 from mesh_files import ply
 from meshes import hills
@@ -112,11 +112,11 @@ def test_the_demonstration_does_not_write_twice_to_one_file(folder):
 def test_a_second_run_replaces_what_the_first_made(folder):
     for _ in range(2):
         line = "bake mesh.ply -o w.npy --samples 8 --report r.json --debug-image marked.png"
-        assert obscurance(*line.split()).returncode == 0
+        succeeded(*line.split())
         line = "render scene.toml -o p.exr --report p.json --preview"
-        assert obscurance(*line.split()).returncode == 0
-        assert obscurance("scenes", "temple", "-o", "temple.toml").returncode == 0
-        assert obscurance("compare", "a.png", "b.png", "--difference", "d.tif").returncode == 0
+        succeeded(*line.split())
+        succeeded("scenes", "temple", "-o", "temple.toml")
+        succeeded("compare", "a.png", "b.png", "--difference", "d.tif")
 
 
 def test_an_empty_file_may_be_replaced(tmp_path):

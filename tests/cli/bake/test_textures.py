@@ -4,15 +4,16 @@ import json
 
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
+from mesh_files import obj
+from meshes import raw_mesh
+from uv_meshes import FLOOR_AND_WALL
 
 from obscurance.raytrace.image.read import read_image
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.stored_w import read_w
+from obscurance.scenes.geometry.builtin_shapes import menger
 
-FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
-vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95
-f 1/1 2/2 3/3 4/4\nf 4/5 3/6 6/7 5/8\n"""
 FEW = ("--samples", 16, "--size", 32)
 
 
@@ -24,9 +25,7 @@ def corner(tmp_path):
 
 
 def bake(*arguments):
-    result = obscurance("bake", *arguments)
-    assert result.returncode == 0, result.stderr
-    return result
+    return succeeded("bake", *arguments)
 
 
 @pytest.mark.parametrize(("ending", "step"), [(".png", 1 / 65535), (".exr", 0), (".tif", 0)])
@@ -108,21 +107,6 @@ def test_overlaps_are_reported_and_refused(tmp_path):
     assert not (tmp_path / "v.png").exists()
 
 
-def test_a_texture_in_a_glb_by_own_coordinates(corner, tmp_path):
-    path = tmp_path / "w.glb"
-    bake(corner, "-o", path, "--occlusion", "texture", *FEW)
-    made = load(path, "kept.glb")
-    assert made.raw.header["materials"][0]["occlusionTexture"] == {"index": 0}
-    assert np.allclose(made.uv, load(corner, "kept.glb").uv, atol=1e-6)
-
-
-def test_one_image_for_occlusion_roughness_and_metalness(corner, tmp_path):
-    path = tmp_path / "w.glb"
-    bake(corner, "-o", path, "--occlusion", "texture", "--orm", *FEW)
-    material = load(path, "kept.glb").raw.header["materials"][0]
-    assert material["occlusionTexture"] == material["pbrMetallicRoughness"]["metallicRoughnessTexture"] == {"index": 0}
-
-
 def test_new_coordinates_for_a_mesh_without(tmp_path):
     pytest.importorskip("uvunwrap")
     path, made = tmp_path / "bare.obj", tmp_path / "w.glb"
@@ -144,60 +128,6 @@ def test_w_of_a_fine_mesh_at_vertices(corner, tmp_path):
     assert "2 of 6 vertices lie outside the cage and take the closest point" in result.stdout
     assert np.load(target)["w"].tolist() == [1] * 6
     assert json.loads(report.read_text())["flagged_vertices"] == {"missed": [4, 5]}
-
-
-MISTAKES = [
-    ("bare.obj -o w.png", "bare.obj: texture coordinates: expected some on every face, got none"),
-    ("bare.obj -o w.png --uv unwrap", "bake: --uv unwrap needs --mesh-output"),
-    ("corner.obj -o w.png --uv 3", "expected some of number 3 on every face, got none"),
-    ("corner.obj -o w.png --uv x", "bake --uv: expected auto, unwrap, fill, pack or the number", "got 'x'"),
-    ("nan.obj -o w.png", "texture coordinates"),
-    ("flat.obj -o w.png", "flat.obj: texture coordinates: expected faces with an area on the page, got none"),
-    ("far.obj -o w.png", "expected finite numbers up to 100000"),
-    ("corner.obj -o w.png --size 0", "bake --size: expected one or two whole numbers of texels from 1 to 16384, got 0"),
-    ("corner.obj -o w.png --size 1000000", "from 1 to 16384, got 1000000"),
-    ("corner.obj -o w.png --size big", "bake --size: expected a number of texels", "got 'big'"),
-    ("corner.obj -o w.png --size 4x4x4", "WIDTHxHEIGHT"),
-    ("corner.obj -o w.png --size 8 --texel-size 1", "bake: --texel-size and --size exclude each other"),
-    ("corner.obj -o w.png --texel-size 1e-9", "bake --texel-size: expected at least"),
-    ("corner.obj -o w.png --texel-size 0", "bake --texel-size: expected a length above 0"),
-    ("corner.obj -o w.png --half", "images that end in .exr or .tif"),
-    ("corner.obj -o w.png --interior mark", "bake: --interior mark does not go with a texture"),
-    ("corner.obj -o w.png --method surface", "bake: --method does not go with a texture"),
-    ("corner.obj -o w.png --colors", "bake: --colors does not go with a texture"),
-    ("corner.obj -o w.npy --size 8", "bake: --size needs an image as --output, or --occlusion texture"),
-    ("corner.obj -o w.npy --occlusion texture", "bake: --occlusion texture needs a .glb output"),
-    ("corner.obj -o w.png --bent-normals n.glb", "bake --bent-normals: expected a name ending in .png .exr"),
-    ("corner.obj -o w.png --error-map w.png", "--error-map", "the same file"),
-    ("corner.obj -o w.<UDIM>.png --error-map e.png", "bake --error-map: expected <UDIM> in all names"),
-    ("corner.obj -o w.png --mesh-output corner.obj", "expected a name ending in .glb"),
-    ("corner.obj -o w.npy --high far.obj --method surface", "bake: --high does not go with --method surface"),
-    ("corner.obj -o w.npy --high far.obj", "far.obj: surface: expected some of it within the cage", "got none"),
-    ("corner.obj -o w.npy --high gone.obj", "gone.obj"),
-    ("corner.obj -o w.npy --cage 1%", "bake: --cage needs --high"),
-    ("corner.obj -o w.npy --high far.obj --cage no", "bake --cage"),
-    ("corner.obj -o w.png --orm", "bake: --orm needs a .glb to write, as --output or --mesh-output"),
-    ("corner.obj -o w.npy --orm", "bake: --orm needs an image as --output"),
-    ("corner.obj -o w.png --replace-occlusion", "bake: --replace-occlusion needs a .glb"),
-    ("negative.obj -o w.<UDIM>.png", "texture coordinates of UDIM tiles"),
-    ("corner.obj -o none/w.png", "none/w.png: cannot write: there is no folder"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("line_and_words", MISTAKES, ids=[mistake[0] for mistake in MISTAKES])
-def test_mistakes(corner, tmp_path, monkeypatch, line_and_words):
-    line, *words = line_and_words
-    bare = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
-    (tmp_path / "bare.obj").write_text(bare)
-    for name, second in (("nan", "nan 0"), ("flat", "0 0"), ("far", "1e7 0"), ("negative", "-1 0")):
-        third = "0 0" if name == "flat" else "0 1"
-        moved = bare.replace(" 0 0\n", " 9 9\n") if name == "far" else bare
-        text = f"{moved[:-8]}\nvt 0 0\nvt {second}\nvt {third}\nf 1/1 2/2 3/3\n"
-        (tmp_path / f"{name}.obj").write_text(text)
-    monkeypatch.chdir(tmp_path)
-    before = sorted(tmp_path.iterdir())
-    refused(obscurance("bake", *line.split()), *words)
-    assert sorted(tmp_path.iterdir()) == before
 
 
 FLAT = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n"
@@ -287,14 +217,6 @@ def test_charts_within_a_texel_get_larger_ones_in_a_glb(tmp_path):
     assert warned not in fewer.stderr
 
 
-def test_all_faces_of_a_palette_get_charts_in_a_glb(tmp_path):
-    pytest.importorskip("uvunwrap")
-    path, made = tmp_path / "n.obj", tmp_path / "n.glb"
-    path.write_text(f"{FLAT}f 1/1 2/1 3/1\n")
-    bake(path, "-o", made, "--occlusion", "texture", "--size", 64, "--samples", 16)
-    assert np.ptp(load(made).texture_coordinates(1), axis=1).min() > 0.1
-
-
 def test_an_object_without_area_on_its_page_is_refused_before_others_are_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     good = "vt 0 0\nvt 1 0\nvt 0 1\no good\nf 1/1 2/2 3/3\n"
@@ -304,6 +226,13 @@ def test_an_object_without_area_on_its_page_is_refused_before_others_are_written
     (tmp_path / "two.obj").write_text((tmp_path / "two.obj").read_text().replace("o flat", "usemtl flat"))
     refused(obscurance("bake", "two.obj", "-o", "<MATERIAL>.png", "--size", 8), words)
     assert [path.name for path in tmp_path.iterdir()] == ["two.obj"]
+
+
+def test_a_mesh_of_more_charts_than_a_page_has_room_for_is_refused(tmp_path):
+    pytest.importorskip("uvunwrap")
+    (tmp_path / "m.obj").write_bytes(obj(*raw_mesh(menger(2, 1.0, 1))))
+    line = "bake", tmp_path / "m.obj", "-o", tmp_path / "m.glb", "--uv", "unwrap", "--occlusion", "texture"
+    refused(obscurance(*line, "--size", 64), "that uvunwrap can unwrap to one page", "pages of 64 texels")
 
 
 def test_a_panic_of_the_unwrapping_library_is_one_line(tmp_path, monkeypatch):

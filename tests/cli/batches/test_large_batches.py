@@ -4,7 +4,7 @@ import json
 
 import pytest
 from clusters import LEFT_SOCKETS, impatient, left_sockets, scheduler, small_blocks
-from command import obscurance, refused
+from command import obscurance
 from mesh_files import obj
 from meshes import hills
 
@@ -65,11 +65,3 @@ def test_a_batch_by_a_cluster_is_that_of_one_machine_and_can_be_resumed(folder):
     assert all("the faces are too large for it" in line for line in again.stderr.splitlines())
     assert (folder / "out" / "hill1.npz").stat().st_mtime_ns == before
     assert manifest(folder / "out")[1]["done"] == 6
-
-
-@pytest.mark.usefixtures("impatient")
-def test_mistakes_are_reported_in_a_line(folder):
-    refused(bake("out", "--part", "1/3"), "--cluster")
-    pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-    refused(bake("out", "--cluster", "tcp://127.0.0.1:1"), "bake --cluster: expected", "nothing that answers")
-    assert not (folder / "out").exists()

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance
 
 QUADS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nf 1 2 3 4\nf 1 5 6 2\n"
 
@@ -39,22 +39,6 @@ def test_arrays_have_a_row_a_triangle_and_ply_a_property_of_polygons(quads):
     row = np.dtype([("n", "u1"), ("v", "<i4", 4), ("w", "<f4", 2), ("grey", "u1", 3)])
     w = np.frombuffer(body[-2 * row.itemsize :], row)["w"]
     assert np.abs(w - np.stack([arrays["w"].reshape(2, 2).mean(axis=1), [1, 1]], axis=1)).max() < 1e-6
-
-
-@pytest.mark.parametrize(
-    ("options", "line"),
-    [
-        (("--at", "faces", "-o", "w.glb"), "--at faces needs an output that ends in .npy .npz .ply"),
-        (("--at", "faces", "-o", "w.png"), "--at does not go with a texture"),
-        (("--both-sides", "-o", "w.obj"), "--both-sides needs an output that ends in .npy .npz .ply"),
-        (("--at", "faces", "--method", "surface", "-o", "w.npy"), "--at faces does not go with --method surface"),
-        (("--at", "faces", "--debug-image", "d.png", "-o", "w.npy"), "--at and --debug-image exclude each other"),
-        (("--at", "corners", "-o", "w.npy"), "corners"),
-    ],
-)
-def test_what_is_refused(quads, options, line):
-    refused(obscurance("bake", "quads.obj", *options), line)
-    assert {path.name for path in quads.iterdir()} == {"quads.obj"}
 
 
 def test_reports_count_faces_and_show_one_grey_on_each(quads):

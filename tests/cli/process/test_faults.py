@@ -1,7 +1,7 @@
 """A fault of the program itself, after the rays are traced, ends in one line."""
 
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 
 SHEET = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 LAYOUT = "vt 0 0\nvt .4 0\nvt .4 .4\nvt .6 .6\nvt .9 .9\nvt .6 .9\nf 1/1 2/2 3/3\nf 1/4 3/5 4/6\n"
@@ -21,5 +21,5 @@ def test_a_fault_after_the_rays_is_one_line_and_no_file(place, tmp_path, monkeyp
     refused(obscurance("bake", mesh, "-o", page, "--size", "16"), *words, status=1)
     assert [path.name for path in tmp_path.iterdir()] == [mesh.name]
     monkeypatch.undo()
-    assert obscurance("bake", mesh, "-o", page, "--size", "16").returncode == 0
+    succeeded("bake", mesh, "-o", page, "--size", "16")
     assert page.exists()

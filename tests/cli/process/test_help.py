@@ -4,7 +4,7 @@ import os
 import re
 
 import pytest
-from command import obscurance, process
+from command import obscurance, process, succeeded
 
 from obscurance.cli import commands
 from obscurance.scenes.bake.options import BAKE
@@ -55,8 +55,7 @@ def test_the_help_of_bake_begins_with_examples_that_work_and_has_a_place_for_eve
 
 
 def test_the_version():
-    result = obscurance("--version")
-    assert result.returncode == 0
+    result = succeeded("--version")
     lines = dict(line.split(maxsplit=1) for line in result.stdout.splitlines())
     assert list(lines) == ["obscurance", "Embree", "CPU", "Python"]
     assert lines["Embree"].startswith("4.")

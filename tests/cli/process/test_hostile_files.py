@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from gltf_files import TRIANGLE, Builder
 from mesh_files import obj
 from meshes import hills
@@ -22,27 +22,18 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-FLAT = [("hills.obj", "line.obj"), ("line.obj", "hills.obj"), ("line.obj", "line.obj")]
-
-
-@pytest.mark.parametrize(("coarse", "fine"), FLAT)
-def test_faces_without_area_on_either_side_of_a_cage_are_refused(folder, coarse, fine):
-    result = obscurance("bake", coarse, "--high", fine, "-o", "w.npz")
-    refused(result, "line.obj: faces: expected some that have an area, got none")
-
-
 def test_lengths_that_vanish_are_refused(folder):
     bake = "bake", "hills.obj", "-o", "w.npz", "--max-distance"
     for method in ("vertex", "surface"):
         refused(obscurance(*bake, "5e-324", "--method", method), "bake --max-distance: expected a length above 0")
-    assert obscurance(*bake, "1e-307", "--samples", 16).returncode == 0
+    succeeded(*bake, "1e-307", "--samples", 16)
     assert (np.load("w.npz")["w"] == 1).all()
 
 
 @pytest.mark.parametrize("inputs", ["a", ["a"], [1], 3, {"output": 3}])
 def test_inputs_of_a_report_that_are_none_are_ignored(folder, inputs):
     (folder / "r.json").write_text(json.dumps({"options": {"occlusion": "none", "samples": 4}, "inputs": inputs}))
-    assert obscurance("bake", "hills.obj", "-o", "w.glb", "--options", "r.json").returncode == 0
+    succeeded("bake", "hills.obj", "-o", "w.glb", "--options", "r.json")
 
 
 @pytest.mark.parametrize("name", ["mesh", "occluder", "receive", "high"])
@@ -84,7 +75,7 @@ def test_a_glb_with_what_is_no_number_in_json_is_refused(folder, number):
     builder = Builder()
     builder.mesh(builder.primitive(TRIANGLE))
     (folder / "a.glb").write_bytes(builder.glb([{"mesh": 0, "extras": {"a": "@" * (len(number) - 2)}}]))
-    assert obscurance("bake", "a.glb", "-o", "w.glb", "--samples", 4).returncode == 0
+    succeeded("bake", "a.glb", "-o", "w.glb", "--samples", 4)
     content = (folder / "a.glb").read_bytes()
     (folder / "a.glb").write_bytes(content.replace(b'"' + b"@" * (len(number) - 2) + b'"', number.encode()))
     refused(
@@ -121,4 +112,4 @@ def test_a_picture_that_claims_much_is_refused_by_its_header(folder, form):
     assert said.startswith("a.jp2: size: expected pixels that ")
     assert int(grown) < 32 << 10
     (folder / "b.jp2").write_bytes(jpeg_2000(500)[form])
-    assert obscurance("compare", "b.jp2", "b.jp2").returncode == 0
+    succeeded("compare", "b.jp2", "b.jp2")

@@ -10,7 +10,7 @@ from contextlib import suppress
 from warnings import warn
 
 import pytest
-from command import COMMAND, obscurance, started
+from command import COMMAND, obscurance, started, succeeded
 from interrupted_bakes import MESH, folders
 from killed_commands import textured
 from mesh_files import obj
@@ -94,7 +94,7 @@ def test_the_command_continues_after_an_interrupt(tmp_path, options, name, by):
     mesh.write_bytes(textured(MESH.vertices, MESH.faces))
     bake = "bake", mesh, "--quiet", *options
     command = [sys.executable, "-c", AT_ONCE, *map(str, bake), "-o", target]
-    assert obscurance(*bake, "-o", whole).returncode == 0
+    succeeded(*bake, "-o", whole)
     with started(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as running:
         latest = time.monotonic() + 300
         while running.poll() is None and not any(list(folder.glob("?*.?*")) for folder in folders(target)):
@@ -129,7 +129,7 @@ def test_rows_outlive_an_output_that_cannot_be_written(tmp_path, monkeypatch):
         f"obscurance: {target}: cannot write: No space left on device",
     ]
     assert list(folder.iterdir())
-    assert obscurance(*bake).returncode == 0
+    succeeded(*bake)
     assert not folders(target)
 
 

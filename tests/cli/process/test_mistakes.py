@@ -8,6 +8,7 @@ import trimesh
 from command import obscurance, refused, refused_without_a_trace
 from mesh_files import ply
 from meshes import hills
+from uv_meshes import FLOOR_AND_WALL
 
 from obscurance.raytrace.image.write import write_image
 
@@ -55,8 +56,8 @@ COMMANDS = [
         "bake INPUT: expected mesh files, got folder, a folder; did you mean 'folder/*.obj'?",
     ),
     (
-        "bake 'n*.ply' --output-dir out",
-        "bake INPUT: expected a pattern that matches files, got n*.ply, which matches none",
+        "bake 'z*.ply' --output-dir out",
+        "bake INPUT: expected a pattern that matches files, got z*.ply, which matches none",
     ),
     ("bake a.ply --output-dir out --report r.json", "bake: --report and --output-dir exclude each other"),
     ("bake a.ply --output-dir out --format stl", "bake --format: expected one of npy, npz, ply, glb", "got stl"),
@@ -133,6 +134,8 @@ COMMANDS = [
     ("bake a.ply -o w.npy --threads many", "bake --threads: expected a whole number, got many"),
     ("bake a.ply -o w.npy --threads 0", "bake --threads: expected a whole number from 1 to 4096, got 0"),
     ("bake a.ply -o w.npy --report folder", "bake --report: expected a name ending in .json or .html, got folder"),
+    ("bake a.ply -o w.npy --report mine.html", "--report", "a page of obscurance to replace"),
+    ("view zero.obj", "zero.obj: f: expected v indices from 1 to 3, got 0"),
     ("bake a.ply -o w.npy --debug-image m.bmp", "bake --debug-image: expected a name ending in", "got m.bmp"),
     ("bake a.ply -o w.npy --colors", "bake: --colors needs a .glb or .ply output"),
     ("bake a.ply -o w.glb --occlusion rmap", "expected one of none, ramp, texture, got rmap; did you mean ramp?"),
@@ -186,7 +189,139 @@ COMMANDS = [
     ("bench A.ply", "did you mean a.ply?"),
     ("demo x", "demo: expected no more arguments, got x"),
     ("demo -o a.ply", "a.ply: cannot make this folder: it is a file"),
+    # meshes
+    ("bake empty.obj -o w.npy", "empty.obj: content: expected", "empty"),
+    ("info empty.obj", "empty.obj: content: expected", "empty"),
+    ("bake noise.ply -o w.npy", "noise.ply", "PLY"),
+    ("render noise.ply -o x.png", "noise.ply", "PLY"),
+    ("bake infinite.obj -o w.npy", "infinite.obj", "finite"),
+    ("bake range.obj -o w.npy", "range.obj", "from 1 to 3", "got 9"),
+    ("info what.xyz", "what.xyz", ".xyz"),
+    ("bake line.obj --high a.ply -o w.npz", "line.obj: faces: expected some that have an area, got none"),
+    ("bake a.ply --high line.obj -o w.npz", "line.obj: faces: expected some that have an area, got none"),
+    # what is baked, and what occludes
+    ("bake aa.ply -o w.npy --dry-run", "aa.ply: file: expected an existing file"),
+    ("bake a.ply -o w.npy --samples 0 --dry-run", "bake --samples"),
+    ("bake a.ply -o w.npy --report no/r.json", "r.json"),
+    ("bake a.ply -o w.npy --cluster ucx://127.0.0.1:9", "bake --cluster: expected"),
+    ("bake a.ply -o w.npy --cluster here", "bake --cluster: expected local, local:N or the address", "'here'"),
+    ("bake a.ply -o w.npy --cluster local --dry-run", "bake: --cluster and --dry-run exclude each other"),
+    ("render a.ply -o x.png --cluster here", "render --cluster: expected local, local:N or the address"),
+    ("bake a.ply -o w.npy --part 1/3", "got --part"),
+    ("bake a.ply -o w.npy --ground 0", "a.ply: ground: expected a height up to -0.5, that of the lowest", "got 0.0"),
+    ("bake a.ply -o w.npy --ground low", "--ground: expected auto, or a height in mesh units, got 'low'"),
+    ("bake a.ply -o w.npy --ground nan", "ground: expected a height up to -0.5", "got nan"),
+    ("bake a.ply -o w.npy --ground auto --high a.ply", "--ground and --high exclude each other"),
+    ("bake a.ply -o w.npy --occluder gone.obj", "gone.obj: file: expected an existing file, got none"),
+    ("bake a.ply -o w.npy --occluder .", ".: file: expected a mesh file, got a folder"),
+    ("bake a.ply -o w.npy --occluder a.ply --high a.ply", "--occluder and --high exclude each other"),
+    (
+        "bake a.ply -o w.npy --up z",
+        "--up needs --ground, --normals up, --debug-image or .html, .ply, .glb",
+    ),
+    ("bake a.ply -o w.npy --high a.ply --cage corner.obj", "corner.obj: vertices: expected 8, as a.ply has, got 6"),
+    ("bake a.ply -o w.npy --high a.ply --cage gone.obj", "gone.obj: file: expected an existing file, got none"),
+    ("bake a.ply -o w.npy --high a.ply --cage 2,5%", "bake --cage: expected a length above 0", "got '2,5%'"),
+    ("bake a.ply -o w.glb --at faces", "--at faces needs an output that ends in .npy .npz .ply"),
+    ("bake a.ply -o w.png --at faces", "--at does not go with a texture"),
+    ("bake a.ply -o w.obj --both-sides", "--both-sides needs an output that ends in .npy .npz .ply"),
+    ("bake a.ply -o w.npy --at faces --method surface", "--at faces does not go with --method surface"),
+    ("bake a.ply -o w.npy --at faces --debug-image d.png", "--at and --debug-image exclude each other"),
+    ("bake a.ply -o w.npy --at corners", "corners"),
+    ("bake a.ply -o w.npy --high a.ply --at faces", "--at", "--high"),
+    ("bake points.ply -o w.ply", "faces", "--points"),
+    ("bake points.ply -o w.glb --points", "--points needs", ".npy .npz .ply"),
+    ("bake corner.obj -o w.npy --points", "corner.obj", "points", "faces"),
+    ("bake bare.ply -o w.npy --points", "points without normals"),
+    ("bake points.ply -o w.npy --points --at faces", "exclude each other"),
+    ("bake a.ply -o w.exr --instances own --overlap mean", "bake: --instances and --overlap exclude each other"),
+    ("bake a.ply -o w.glb --occlusion texture --instances own --uv pack", "--instances does not go with --uv pack"),
+    ("bake a.ply -o w.glb --instances first", "--instances needs an image as --output, or --occlusion texture"),
+    ("bake a.ply -o w.exr --uv pack", "bake: --uv pack needs --mesh-output"),
+    # pages
+    ("bake bare.obj -o w.png", "bare.obj: texture coordinates: expected some on every face, got none"),
+    ("bake bare.obj -o w.png --uv unwrap", "bake: --uv unwrap needs --mesh-output"),
+    ("bake corner.obj -o w.png --uv 3", "expected some of number 3 on every face, got none"),
+    ("bake corner.obj -o w.png --uv x", "bake --uv: expected auto, unwrap, fill, pack or the number", "got 'x'"),
+    ("bake nan.obj -o w.png", "texture coordinates"),
+    ("bake flat.obj -o w.png", "flat.obj: texture coordinates: expected faces with an area on the page, got none"),
+    ("bake far.obj -o w.png", "expected finite numbers up to 100000"),
+    (
+        "bake corner.obj -o w.png --size 0",
+        "--size: expected one or two whole numbers of texels from 1 to 16384, got 0",
+    ),
+    ("bake corner.obj -o w.png --size 1000000", "from 1 to 16384, got 1000000"),
+    ("bake corner.obj -o w.png --size big", "bake --size: expected a number of texels", "got 'big'"),
+    ("bake corner.obj -o w.png --size 4x4x4", "WIDTHxHEIGHT"),
+    ("bake corner.obj -o w.png --size 8 --texel-size 1", "bake: --texel-size and --size exclude each other"),
+    ("bake corner.obj -o w.png --texel-size 1e-9", "bake --texel-size: expected at least"),
+    ("bake corner.obj -o w.png --texel-size 0", "bake --texel-size: expected a length above 0"),
+    ("bake corner.obj -o w.png --half", "images that end in .exr or .tif"),
+    ("bake corner.obj -o w.png --interior mark", "bake: --interior mark does not go with a texture"),
+    ("bake corner.obj -o w.png --method surface", "bake: --method does not go with a texture"),
+    ("bake corner.obj -o w.png --colors", "bake: --colors does not go with a texture"),
+    ("bake corner.obj -o w.npy --size 8", "bake: --size needs an image as --output, or --occlusion texture"),
+    ("bake corner.obj -o w.npy --occlusion texture", "bake: --occlusion texture needs a .glb output"),
+    ("bake corner.obj -o w.png --bent-normals n.glb", "bake --bent-normals: expected a name ending in .png .exr"),
+    ("bake corner.obj -o w.png --error-map w.png", "--error-map", "the same file"),
+    ("bake corner.obj -o w.<UDIM>.png --error-map e.png", "bake --error-map: expected <UDIM> in all names"),
+    ("bake corner.obj -o w.png --mesh-output corner.obj", "expected a name ending in .glb"),
+    ("bake corner.obj -o w.npy --high far.obj --method surface", "bake: --high does not go with --method surface"),
+    ("bake corner.obj -o w.npy --high far.obj", "far.obj: surface: expected some of it within the cage", "got none"),
+    ("bake corner.obj -o w.npy --high gone.obj", "gone.obj"),
+    ("bake corner.obj -o w.npy --cage 1%", "bake: --cage needs --high"),
+    ("bake corner.obj -o w.npy --high far.obj --cage no", "bake --cage"),
+    ("bake corner.obj -o w.png --orm", "bake: --orm needs a .glb to write, as --output or --mesh-output"),
+    ("bake corner.obj -o w.npy --orm", "bake: --orm needs an image as --output"),
+    ("bake corner.obj -o w.png --replace-occlusion", "bake: --replace-occlusion needs a .glb"),
+    ("bake negative.obj -o w.<UDIM>.png", "texture coordinates of UDIM tiles"),
+    ("bake corner.obj -o none/w.png", "none/w.png: cannot write: there is no folder"),
+    # other commands
+    ("prune a.ply -o out.png", "output", ".glb"),
+    ("prune a.ply -o a.ply", "a.ply"),
+    ("prune none.glb -o out.glb", "none.glb"),
+    ("prune bad.glb -o out.glb", "bad.glb"),
+    ("render folder -o x.png", "folder"),
+    ("render gone.glb -o x.png", "gone.glb", "existing file"),
+    ("render scene.toml -o x.png --height 48", "--width", "--height"),
+    ("render scene.toml -o x.png --width 99999 --height 32", "width", "got 99999"),
+    ("render scene.toml -o x.png --width wide --height 32", "--width", "whole number"),
+    ("render scene.toml -o x.png --samples 0", "samples", "got 0"),
+    ("render scene.toml -o x.png --seed -1", "seed", "got -1"),
+    ("render scene.toml -o x.png --threads 0", "threads", "got 0"),
+    ("render scene.toml -o x.png --crop a,b,c,d", "--crop", "a,b,c,d"),
+    ("render scene.toml -o x.png --crop 0,0,0,5", "crop"),
+    ("render scene.toml -o x.png --crop=-1,0,5,5", "crop", "-1"),
+    ("render scene.toml -o x.png --crop 40,20,9,9 --width 48 --height 32", "crop", "48×32"),
+    ("render scene.toml -o x.png --report no/such/folder/r.json", "r.json"),
+    ("scenes cornell -o no/x.toml", "x.toml"),
+    ("compare picture.png wide.png", "wide.png", "size", "4×4", "5×4"),
+    ("compare picture.png picture.png --threshold nan --difference d.png", "--threshold", "nan"),
 ]
+
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+CHART = "vt 0 0\nvt {}\nvt 0 1\nf 1/1 2/2 3/3\n"
+POINTS = "ply\nformat ascii 1.0\nelement vertex 3\n{}end_header\n" + "1 0 0 1 0 0\n0 1 0 0 1 0\n0 0 1 0 0 1\n"
+FILES = {
+    "empty.obj": "",
+    "mine.html": "<h1>mine</h1>",
+    "zero.obj": TRIANGLE + "f 0 1 2\n",
+    "noise.ply": "\x89PNG\r\n\x1a\n not a mesh",
+    "bad.glb": "glTF" + "\0" * 40,
+    "infinite.obj": TRIANGLE.replace("1 0 0", "1 0 inf") + "f 1 2 3\n",
+    "range.obj": TRIANGLE + "f 1 2 9\n",
+    "what.xyz": "0 0 0\n",
+    "line.obj": "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n",
+    "bare.obj": TRIANGLE + "f 1 2 3\n",
+    "nan.obj": TRIANGLE + CHART.format("nan 0"),
+    "flat.obj": TRIANGLE + CHART.format("0 0").replace("0 1", "0 0"),
+    "far.obj": TRIANGLE.replace("0 0 0", "9 9 9") + CHART.format("1e7 0"),
+    "negative.obj": TRIANGLE + CHART.format("-1 0"),
+    "corner.obj": FLOOR_AND_WALL,
+    "points.ply": POINTS.format("".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))),
+    "bare.ply": POINTS.format("".join(f"property float {name}\n" for name in "xyzabc")),
+}
 
 
 @pytest.fixture(scope="module")
@@ -198,6 +333,9 @@ def folder(tmp_path_factory):
     (folder / "folder").mkdir()
     (folder / "folder" / "a.obj").write_text("v 0 0 0\n")
     write_image(folder / "picture.png", np.zeros((4, 4, 3)))
+    write_image(folder / "wide.png", np.zeros((4, 5, 3)))
+    for name, content in FILES.items():
+        (folder / name).write_bytes(content.encode())
     return folder
 
 
@@ -249,7 +387,3 @@ def test_memory_that_runs_out_after_the_estimate_is_reported_in_a_line(tmp_path,
     monkeypatch.setattr("obscurance.scenes.bake.vertices.bake_vertices", run_out)
     refused(obscurance("bake", mesh, "-o", tmp_path / "w.npz"), "out of memory: the system or a limit, ulimit -v")
     assert not (tmp_path / "w.npz").exists()
-
-
-def test_there_are_enough():
-    assert len(COMMANDS) >= 60

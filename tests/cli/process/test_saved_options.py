@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from mesh_files import obj
 from meshes import hills
 
@@ -36,19 +36,19 @@ EARLIER = (
 
 
 def test_an_earlier_bake_is_repeated_but_for_what_is_given(folder):
-    assert obscurance("bake", "hills.obj", "-o", "w.glb", "--report", "r.json", *EARLIER).returncode == 0
+    succeeded("bake", "hills.obj", "-o", "w.glb", "--report", "r.json", *EARLIER)
     again = ("--options", "r.json", "--report", "s.json")
-    assert obscurance("bake", "-o", "again.glb", *again).returncode == 0
+    succeeded("bake", "-o", "again.glb", *again)
     assert (folder / "again.glb").read_bytes() == (folder / "w.glb").read_bytes()
-    assert obscurance("bake", "more.obj", "-o", "more.ply", *again, "--seed", 6, "--denoise").returncode == 0
+    succeeded("bake", "more.obj", "-o", "more.ply", *again, "--seed", 6, "--denoise")
     changed = {"mesh": "more.obj", "output": "more.ply", "seed": 6, "denoise": True, "occlusion": "none"}
     old, new = options(folder), options(folder, "s.json")
     assert new == old | changed | {"threads": new["threads"]}
 
 
 def test_the_options_of_a_batch_are_those_of_its_manifest(folder):
-    assert obscurance("bake", "*.obj", "--output-dir", "out", "--format", "npy", *EARLIER).returncode == 0
-    assert obscurance("bake", "more.obj", "-o", "more.npy", "--options", "out/manifest.json").returncode == 0
+    succeeded("bake", "*.obj", "--output-dir", "out", "--format", "npy", *EARLIER)
+    succeeded("bake", "more.obj", "-o", "more.npy", "--options", "out/manifest.json")
     assert (folder / "more.npy").read_bytes() == (folder / "out" / "more.npy").read_bytes()
 
 

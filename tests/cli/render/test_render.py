@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance
+from command import obscurance, succeeded
 from gltf_files import Builder
-from render_scenes import BALL, SMALL, write_ball
+from render_scenes import SMALL, write_ball
 
 from obscurance.ao.report import versions
 from obscurance.raytrace.image.formats import FORMATS
@@ -20,8 +20,7 @@ SUMMANDS = ("ambient", "diffuse", "specular", "emission")
 
 def rendered(scene, output, *options):
     """Layers of the picture of a scene, 48×32 unless `options` say otherwise."""
-    result = obscurance("render", scene, "-o", output, *SMALL, *options)
-    assert result.returncode == 0, result.stderr
+    succeeded("render", scene, "-o", output, *SMALL, *options)
     return read_image(output)[0]
 
 
@@ -50,7 +49,7 @@ def whole(scene, folder):
 @pytest.mark.parametrize("name", BUILTIN)
 def test_every_builtin_scene_renders(tmp_path, name):
     written = tmp_path / f"{name}.toml"
-    assert obscurance("scenes", name, "-o", written).returncode == 0
+    succeeded("scenes", name, "-o", written)
     written.write_text(written.read_text().replace("[obscurance]", "[obscurance]\nsamples = 16"))
     layers = rendered(written, tmp_path / "picture.exr")
     assert set(layers) == set(LAYERS)
@@ -61,8 +60,7 @@ def test_every_builtin_scene_renders(tmp_path, name):
 
 
 def test_the_scenes_are_listed():
-    result = obscurance("scenes")
-    assert result.returncode == 0
+    result = succeeded("scenes")
     assert [line.split()[0] for line in result.stdout.splitlines()] == list(BUILTIN)
     assert obscurance("scenes", "cornell").stdout == builtin_toml("cornell")
 
@@ -70,8 +68,7 @@ def test_the_scenes_are_listed():
 @pytest.mark.parametrize("ending", FORMATS)
 def test_every_ending_with_its_metadata(tmp_path, scene, ending):
     target = tmp_path / f"picture{ending}"
-    result = obscurance("render", scene, "-o", target, *SMALL, "--obscurance", "off", "--seed", 7)
-    assert result.returncode == 0, result.stderr
+    result = succeeded("render", scene, "-o", target, *SMALL, "--obscurance", "off", "--seed", 7)
     assert target.name in result.stdout
     layers, metadata = read_image(target)
     assert layers["beauty"].shape[:2] == (32, 48)
@@ -100,20 +97,9 @@ def test_layers_add_up_and_say_what_is_there(whole):
     np.testing.assert_allclose(np.linalg.norm(whole["normal"][~empty], axis=-1), 1, atol=1e-6)
 
 
-def test_half_floats_are_near(scene, folder, whole):
-    layers = rendered(scene, folder / "half.exr", "--half")
-    np.testing.assert_allclose(layers["beauty"], whole["beauty"], rtol=1e-3, atol=1e-6)
-    assert (folder / "half.exr").stat().st_size < (folder / "whole.exr").stat().st_size
-
-
 def test_the_same_command_gives_the_same_bytes_on_one_thread(scene, folder, whole):
     rendered(scene, folder / "again.exr", "--threads", 1)
     assert (folder / "again.exr").read_bytes() == (folder / "whole.exr").read_bytes()
-
-
-def test_another_seed_is_another_picture(scene, folder, whole):
-    layers = rendered(scene, folder / "seed.exr", "--seed", 1)
-    assert not np.array_equal(layers["beauty"], whole["beauty"])
 
 
 def test_a_crop_is_that_part_of_the_whole(scene, folder, whole):
@@ -132,30 +118,6 @@ def test_a_preview_is_small_and_cheap(scene, folder, whole):
     preview, full = (json.loads((folder / f"{name}.json").read_text())["rays"] for name in ("preview", "whole"))
     assert preview["primary"] <= 24 * 16 * 4
     assert preview["bake"] < full["bake"]
-
-
-def test_the_forms_of_obscurance(scene, folder, whole):
-    forms = ("off", "ambient and diffuse")
-    off, book = (rendered(scene, folder / f"{form}.exr", "--obscurance", form) for form in forms)
-    w = whole["obscurance"]
-    assert off["obscurance"].min() == 1
-    assert w.min() < 0.8
-    assert (whole["ambient"] <= off["ambient"]).all()
-    np.testing.assert_array_equal(whole["diffuse"], off["diffuse"])
-    np.testing.assert_array_equal(whole["ambient"], book["ambient"])
-    np.testing.assert_array_equal(whole["specular"], book["specular"])
-    assert (book["diffuse"] <= whole["diffuse"] + 1e-7).all()
-    assert (book["diffuse"] < 0.9 * whole["diffuse"]).any()
-
-
-def test_the_shadings_differ(scene, folder, whole):
-    made = [rendered(scene, folder / f"{s}.exr", "--shading", s) for s in ("constant", "flat", "gouraud", "quadratic")]
-    pictures = [whole["beauty"], *(layers["beauty"] for layers in made)]
-    for number, one in enumerate(pictures):
-        for other in pictures[:number]:
-            assert np.abs(one - other).max() > 1e-3
-    facets = made[0]["normal"][made[0]["object_id"][..., 0] == 2]
-    assert len(np.unique(facets.round(5), axis=0)) < len(np.unique(whole["normal"].round(5).reshape(-1, 3), axis=0))
 
 
 def test_without_shadows(scene, folder, whole):
@@ -183,18 +145,13 @@ def test_the_report_holds_the_contract(whole, folder):
     assert 0 < found["rmse_estimate"] < 0.05
 
 
-def test_quiet_is_quiet(scene, folder):
-    result = obscurance("render", scene, "-o", folder / "quiet.png", *SMALL, "--obscurance", "off", "-q")
-    assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
-
-
 def test_a_mesh_alone_and_its_baked_file(tmp_path):
     mesh = tmp_path / "ring.ply"
     trimesh.creation.torus(0.5, 0.2).export(mesh)
     alone = rendered(mesh, tmp_path / "alone.exr")
     assert 0.1 < alone["beauty"][..., 3].mean() < 0.9
     check_sum(alone)
-    assert obscurance("bake", mesh, "-o", tmp_path / "w.npy", "--no-denoise").returncode == 0
+    succeeded("bake", mesh, "-o", tmp_path / "w.npy", "--no-denoise")
     table = '[[objects]]\nmesh = "ring.ply"\n'
     (tmp_path / "now.toml").write_text(table)
     (tmp_path / "then.toml").write_text(f'[obscurance]\nbaked = "w.npy"\n{table}')
@@ -224,23 +181,16 @@ def test_a_glb_with_its_camera_and_light(tmp_path):
     np.testing.assert_allclose(colour[:3] / colour[0], [1, 0.5, 0], atol=1e-6)
 
 
-def test_a_camera_inside_a_wall_is_allowed(tmp_path):
-    inside = write_ball(tmp_path, BALL.replace("[0.0, -4.0, 2.0]", "[0.0, 0.1, 0.4]"))
-    layers = rendered(inside, tmp_path / "inside.exr")
-    assert np.isfinite(layers["beauty"]).all()
-
-
 def test_compare(tmp_path, scene, folder, whole):
-    same = obscurance("compare", folder / "whole.exr", folder / "whole.exr", "--threshold", 0)
-    assert same.returncode == 0, same.stderr
+    same = succeeded("compare", folder / "whole.exr", folder / "whole.exr", "--threshold", 0)
     figures = dict(line.split() for line in same.stdout.splitlines())
     assert figures == {"mean_error": "0", "rms_error": "0", "max_error": "0", "psnr": "inf", "flip": "0"}
     other = tmp_path / "other.png"
     rendered(scene, other, "--no-shadows", "--obscurance", "off")
     pair, found = (folder / "whole.exr", other), tmp_path / "flip.png"
-    assert obscurance("compare", *pair).returncode == 0
+    succeeded("compare", *pair)
     different = obscurance("compare", *pair, "--threshold", 0.001, "--difference", found)
     assert different.returncode == 1
     assert float(dict(line.split() for line in different.stdout.splitlines())["flip"]) > 0.001
     assert read_image(found)[0]["beauty"].shape == (32, 48, 3)
-    assert obscurance("compare", *pair, "--threshold", 10, "--metric", "max").returncode == 0
+    succeeded("compare", *pair, "--threshold", 10, "--metric", "max")

@@ -1,4 +1,4 @@
-"""Bakes with profiles: made up for tests of files, or by a bake for each half-distance."""
+"""Bakes with profiles made up for tests of files."""
 
 import math
 from dataclasses import replace
@@ -14,10 +14,3 @@ def with_profile(baked, columns=10, seed=0, limit=math.inf):
     values[:2, 0] = 0, 1
     lengths = 0.0051 * baked.mesh.radius * 2.0 ** np.arange(columns)
     return replace(baked, profile=ao.Profile(lengths, values, baked.mesh.radius, limit))
-
-
-def baked_profile(mesh, **options):
-    """A bake with the w of ten more by the same rays: half-distances an octave apart from .5 % of the radius on."""
-    lengths = 0.005 * mesh.radius * 2.0 ** np.arange(10)
-    columns = [ao.bake(mesh, ao.Exponential(half_distance=each), **options).w for each in lengths]
-    return replace(ao.bake(mesh, **options), profile=ao.Profile(lengths, np.stack(columns, axis=1), mesh.radius))

@@ -38,6 +38,15 @@ OTHERS = [True, False, None, [], {}, [[]], [0], [0, 0, 0], [1, 2, 3, 4, 5], {"a"
 LONGEST = 1 << 16
 
 
+def unspoiled():
+    """Family, name and bytes of each file that is spoilt."""
+    for family, files in fuzz_seeds.seeds().items():
+        for name, content in files:
+            if not isinstance(content, bytes):
+                content = (toml_text(content) if family == "toml" else json.dumps(content)).encode()
+            yield family, name, content
+
+
 def spoiled(family, rng):
     """The name and bytes of a damaged file of a family, by a `random.Random`."""
     usual = sys.getrecursionlimit()

@@ -4,15 +4,15 @@ import os
 import sys
 from pathlib import Path
 
+import fuzz_commands
 import fuzz_seeds
-import fuzz_structure
 from project import ROOT
 
 
 def prepared(folder):
     """The folder of the inputs, what they may refer to within it, and what they must not reach beside it."""
     inside = folder / "inside"
-    for name, content in fuzz_structure.companions().items():
+    for name, content in fuzz_commands.companions().items():
         target = inside / name
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(content)

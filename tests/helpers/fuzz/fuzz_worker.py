@@ -3,8 +3,8 @@
     python tests/helpers/fuzz/fuzz_worker.py SEED FIRST END PROGRESS  the inputs FIRST … END - 1, as `fuzzing.run` does
     python tests/helpers/fuzz/fuzz_worker.py SEED INDEX               one input: keeps its file and reports what happens
 
-A seed is any text; with one that begins with "structure", files of `fuzz_structure` go through every command, else
-files of `fuzz_mutations` through the loaders. Findings are JSON lines on standard output.
+A seed is any text; with one that begins with "commands", the files go through every command that reads them, else
+through the loaders. Findings are JSON lines on standard output.
 """
 
 import faulthandler
@@ -19,14 +19,14 @@ import tempfile
 import time
 import traceback
 import warnings
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import fuzz_commands
 import fuzz_mutations
 import fuzz_seeds
-import fuzz_structure
+from fuzz_commands import Finding
 from fuzz_sandbox import memory, modest, prepared, reset_peak, silent, watch
-from fuzz_structure import Finding
 
 SECONDS = 10  # of processor time for one input
 COMMAND_SECONDS = 20  # for one command: a scene of 28,000 instances takes some 9, while others run 14
@@ -37,14 +37,14 @@ OUT_OF_MEMORY = "sizes that fit into memory"
 MOST = 1 << 30  # bytes that a command may take
 
 
-def by_structure(seed):
-    return seed.startswith("structure")
+def by_commands(seed):
+    return seed.startswith("commands")
 
 
 def input_of(seed, index):
     """The family of an input, its name and content, and the chance that is left."""
-    maker = fuzz_structure if by_structure(seed) else fuzz_mutations
-    families = fuzz_structure.FAMILIES if by_structure(seed) else list(fuzz_seeds.seeds())
+    maker = fuzz_commands if by_commands(seed) else fuzz_mutations
+    families = fuzz_commands.FAMILIES if by_commands(seed) else list(fuzz_seeds.seeds())
     family, chance = families[index % len(families)], random.Random(f"{seed}:{index}")
     return family, *maker.spoiled(family, chance), chance
 
@@ -156,12 +156,12 @@ def commanded(family, path, made, chance, opened):
     first, accepted, highest, longest = None, False, 0, 0.0
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        for arguments, target in fuzz_structure.commands(family, path, made, chance):
+        for arguments, target in fuzz_commands.commands(family, path, made, chance):
             size = path.stat().st_size >> 20  # a file of many megabytes may take its time
             signal.setitimer(signal.ITIMER_PROF, COMMAND_SECONDS + size)
             reset_peak()
             before = memory()
-            message, seconds = fuzz_structure.checked_command(arguments, target, made)
+            message, seconds = fuzz_commands.checked_command(arguments, target, made)
             peak = memory("VmHWM") - before
             if peak > MOST:
                 raise Finding(f"{arguments[0]}: {peak >> 20} MiB")
@@ -187,12 +187,12 @@ def main(seed, first, end, progress):
     results = os.fdopen(os.dup(1), "w")
     folder = Path(tempfile.mkdtemp(prefix="fuzz-")).resolve()
     fuzz_seeds.seeds()
-    inside, structure = prepared(folder), by_structure(seed)
-    modest(*((1_500_000, 500_000) if structure else (20_000, 200_000)))
-    warm(inside, folder / "made", structure)
+    inside, commands = prepared(folder), by_commands(seed)
+    modest(*((1_500_000, 500_000) if commands else (20_000, 200_000)))
+    warm(inside, folder / "made", commands)
     opened = watch(folder)
     tempfile.tempdir = str(folder / "made")
-    limit = memory("VmSize") + (MOST if structure else SPARE)
+    limit = memory("VmSize") + (MOST if commands else SPARE)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     crash = os.dup(2)
     faulthandler.register(signal.SIGPROF, file=crash, chain=True)
@@ -206,56 +206,56 @@ def main(seed, first, end, progress):
         if progress:
             os.pwrite(progress, f"{index:<12}".encode(), 0)
         path = inside / name
-        spared = path.read_bytes() if path.exists() else None
-        path.write_bytes(content)
-        signal.setitimer(signal.ITIMER_PROF, SECONDS)
-        try:
-            if structure:
-                message, peak, seconds = commanded(family, path, folder / "made", chance, opened)
-            else:
-                message, peak, seconds = checked(family, path, folder / "made", index, opened)
-            said = "" if kept else silent(printed)
-            if said:
-                raise Finding(f"printed {said!r}")
-            outcome = "refused" if message else "accepted"
+        with in_place(path, content):
+            signal.setitimer(signal.ITIMER_PROF, SECONDS)
+            try:
+                if commands:
+                    message, peak, seconds = commanded(family, path, folder / "made", chance, opened)
+                else:
+                    message, peak, seconds = checked(family, path, folder / "made", index, opened)
+                said = "" if kept else silent(printed)
+                if said:
+                    raise Finding(f"printed {said!r}")
+                outcome = "refused" if message else "accepted"
+                if kept:
+                    print(f"{outcome}: {message}; {peak >> 10} KiB, {seconds:.3f} s")
+                results.write(json.dumps([family, outcome, peak, seconds]) + "\n")
+            except Finding as finding:
+                if not kept:
+                    silent(printed)
+                results.write(json.dumps({"index": index, "family": family, "finding": str(finding)}) + "\n")
+            signal.setitimer(signal.ITIMER_PROF, 0)
+            results.flush()
             if kept:
-                print(f"{outcome}: {message}; {peak >> 10} KiB, {seconds:.3f} s")
-            results.write(json.dumps([family, outcome, peak, seconds]) + "\n")
-        except Finding as finding:
-            if not kept:
-                silent(printed)
-            results.write(json.dumps({"index": index, "family": family, "finding": str(finding)}) + "\n")
-        signal.setitimer(signal.ITIMER_PROF, 0)
-        results.flush()
-        if kept:
-            shutil.copy(path, f"input-{index}{path.suffix}")
-        path.unlink()
-        if spared is not None:
-            path.write_bytes(spared)
+                shutil.copy(path, f"input-{index}{path.suffix}")
     results.close()
     shutil.rmtree(folder)
 
 
-def warm(inside, made, structure=False):
+@contextmanager
+def in_place(path, content):
+    """A file with this content, be it in place of a sound one."""
+    spared = path.read_bytes() if path.exists() else None
+    path.write_bytes(content)
+    try:
+        yield
+    finally:
+        path.unlink()
+        if spared is not None:
+            path.write_bytes(spared)
+
+
+def warm(inside, made, commands=False):
     """Everything imported and compiled, all threads started."""
-    if structure:
-        for family in fuzz_structure.FAMILIES:
-            for arguments, target in fuzz_structure.sound(family, inside, made):
-                fuzz_structure.checked_command(arguments, target, made)
-        for name in ("m.glb", "m.obj", "m.toml"):
-            (inside / name).unlink()
-        return
-    for family, files in fuzz_seeds.seeds().items():
-        for name, content in files:
-            if isinstance(content, dict):
-                text = fuzz_mutations.toml_text(content) if family == "toml" else json.dumps(content)
-                content = text.encode()
-            kept = (inside / name).read_bytes() if (inside / name).exists() else None
-            (inside / name).write_bytes(content)
-            consume(family, inside / name, made, 0)
-            (inside / name).unlink()
-            if kept is not None:
-                (inside / name).write_bytes(kept)
+    chance = random.Random(0)
+    for family, name, content in (fuzz_commands if commands else fuzz_mutations).unspoiled():
+        with in_place(inside / name, content):
+            if not commands:
+                consume(family, inside / name, made, 0)
+                continue
+            for _ in range(4):
+                for arguments, target in fuzz_commands.commands(family, inside / name, made, chance):
+                    fuzz_commands.checked_command(arguments, target, made)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Runs damaged inputs through processes of their own: a crash, a hang or a lack of memory ends only such a process.
 
 python tests/helpers/fuzz/fuzzing.py [COUNT [SEED]]   COUNT inputs (60,000), then a table; status 1 after any finding
-python tests/helpers/fuzz/fuzzing.py 15000 structure  files wrong by structure, through all commands (`fuzz_worker`)
+python tests/helpers/fuzz/fuzzing.py 15000 commands  the same through every command that reads them (`fuzz_worker`)
 """
 
 import json
@@ -28,7 +28,7 @@ def run(count=COUNT, seed="0", processes=2, batch=None, worker=WORKER):
         counts: family to how many were accepted, refused, findings.
         most: family to the largest memory in bytes and processor time in seconds.
     """
-    batch = batch or (BATCH if not seed.startswith("structure") else BATCH // 10)
+    batch = batch or (BATCH if not seed.startswith("commands") else BATCH // 10)
     spans = [(first, min(first + batch, count)) for first in range(0, count, batch)]
     findings, counts, most, lock = [], {}, {}, threading.Lock()
 
@@ -63,7 +63,7 @@ def _process(worker, seed, first, end):
                     command,
                     stdout=output,
                     stderr=errors,
-                    timeout=SILENCE + (5 if seed.startswith("structure") else 0.2) * (end - first),
+                    timeout=SILENCE + (5 if seed.startswith("commands") else 0.2) * (end - first),
                     check=False,
                     env=environment(),
                 ).returncode

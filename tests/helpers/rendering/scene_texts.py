@@ -19,12 +19,17 @@ f 1/5/1 3/3/1 4/4/1
 PLAIN = '[[objects]]\nbuiltin = "plane"\nfineness = 0.5\n'
 
 
-def scene(folder, text, **files):
-    """The scene of a TOML text in a folder with `square.obj`, `paint.png` and more files."""
+def written(folder, text, **files):
+    """The path of a TOML text, in a folder with `square.obj`, `paint.png` and more files."""
     folder.mkdir(exist_ok=True)
     contents = {"square.obj": SQUARE, "paint.png": "any content: it is read when a ray has seen it", "scene.toml": text}
     for name, content in {**contents, **files}.items():
         target = folder / name
         target.parent.mkdir(exist_ok=True, parents=True)
         target.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return read_scene(folder / "scene.toml")
+    return folder / "scene.toml"
+
+
+def scene(folder, text, **files):
+    """The scene that is `written`."""
+    return read_scene(written(folder, text, **files))

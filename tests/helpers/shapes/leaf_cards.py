@@ -4,14 +4,12 @@ import numpy as np
 import PIL.Image
 from gltf_files import Builder
 from gltf_samples import encoded, with_images
+from meshes import grid
 
 from obscurance.ao.closed_forms import polygon_form_factor
 
 HEIGHT, UP = 0.4, np.array([0.0, 0.0, 1.0])
-_SIDE = np.linspace(-0.9, 0.9, 5)
-FLOOR = np.stack([*(axis.ravel() for axis in np.meshgrid(_SIDE, _SIDE, indexing="ij")), np.zeros(25)], axis=-1)
-_CELLS = (5 * np.arange(4)[:, None] + np.arange(4)).ravel()
-FLOOR_FACES = np.concatenate([_CELLS[:, None] + [0, 5, 6], _CELLS[:, None] + [0, 6, 1]])
+FLOOR, FLOOR_FACES = grid(4, 1.8)
 SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 

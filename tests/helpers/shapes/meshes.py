@@ -13,15 +13,21 @@ def raw_mesh(mesh: Mesh) -> RawMesh:
     return np.array(mesh.vertices), mesh.faces
 
 
+def grid(cells: int, size: float = 1.0) -> RawMesh:
+    """A square in z = 0 about the origin, facing +z; rows of vertices along y, one after the other along x."""
+    steps = np.linspace(-size / 2, size / 2, cells + 1)
+    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
+    first = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    right, across = first + cells + 1, first + cells + 2
+    faces = np.concatenate([np.stack([first, right, across], -1), np.stack([first, across, first + 1], -1)])
+    return np.stack([x, y, 0 * x], axis=-1), faces
+
+
 def soup_over_floor(seed: int, triangles: int = 14) -> RawMesh:
     """Random triangles above a floor, none touching another's vertices."""
     rng = np.random.default_rng(seed)
     corners = rng.uniform(-1, 1, (triangles, 1, 3)) + rng.normal(scale=0.35, size=(triangles, 3, 3)) + [0, 0, 2]
-    steps = np.linspace(-2, 2, 4)
-    grid = np.array([(x, y, 0.0) for x in steps for y in steps])
-    cell = np.array([i * 4 + j for i in range(3) for j in range(3)])
-    floor = np.concatenate([np.stack([cell, cell + 4, cell + 5], -1), np.stack([cell, cell + 5, cell + 1], -1)])
-    return join([(grid, floor), (corners.reshape(-1, 3), np.arange(3 * triangles).reshape(-1, 3))])
+    return join([grid(3, 4.0), (corners.reshape(-1, 3), np.arange(3 * triangles).reshape(-1, 3))])
 
 
 def torus(major: int = 9, minor: int = 6, tube: float = 0.45) -> RawMesh:
@@ -48,12 +54,10 @@ def two_boxes() -> RawMesh:
 
 def hills(side: int = 8) -> RawMesh:
     """A height field with ridges and hollows."""
-    steps = np.linspace(-1, 1, side)
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
+    vertices, faces = grid(side - 1, 2.0)
+    x, y, _ = vertices.T
     z = 0.35 * np.sin(5 * x + 1) * np.cos(4 * y) + 0.2 * np.sin(9 * x * y)
-    cell = np.array([i * side + j for i in range(side - 1) for j in range(side - 1)])
-    faces = [np.stack([cell, cell + side, cell + side + 1], -1), np.stack([cell, cell + side + 1, cell + 1], -1)]
-    return np.stack([x, y, z], axis=-1), np.concatenate(faces)
+    return np.stack([x, y, z], axis=-1), faces
 
 
 def turned(part: RawMesh) -> RawMesh:

@@ -5,9 +5,11 @@ page where that needs no ray, else None. All are for a binary falloff.
 """
 
 import numpy as np
+from meshes import grid
 from uv_meshes import rectangle
 
 from obscurance.raytrace import Mesh
+from obscurance.scenes.geometry.polyhedra import join
 
 HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 UNIT = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
@@ -20,9 +22,7 @@ SIDES = np.array([
 
 def joined(parts):
     """One mesh of (vertices, faces) pairs."""
-    before = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-    faces = [faces + start for (_, faces), start in zip(parts, before, strict=False)]
-    return Mesh(np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces))
+    return Mesh(*join(parts))
 
 
 def laid_flat(mesh, faces):
@@ -30,16 +30,6 @@ def laid_flat(mesh, faces):
     uv = np.full((len(mesh.faces), 3, 2), np.nan)
     uv[:faces] = (mesh.vertices[mesh.faces[:faces], :2] + 1) / 2
     return uv
-
-
-def grid(side, height=None):
-    """A square of `side` × `side` vertices, from −1 to 1."""
-    steps = np.linspace(-1, 1, side)
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
-    cell = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
-    halves = (cell, cell + side, cell + side + 1), (cell, cell + side + 1, cell + 1)
-    z = 0 * x if height is None else height(x, y)
-    return np.stack([x, y, z], -1), np.concatenate([np.stack(each, -1) for each in halves])
 
 
 def box(size, at):
@@ -137,7 +127,8 @@ def grass(seed, size, count=600):
 def terrain(seed, size, side=60):
     random = np.random.default_rng(seed)
     waves, phase = 6 * random.normal(size=(8, 2)), random.uniform(0, 6, 8)
-    vertices, faces = grid(side, lambda x, y: 0.4 * np.sin(np.stack([x, y], -1) @ waves.T + phase).mean(axis=1))
+    vertices, faces = grid(side - 1, 2.0)
+    vertices[:, 2] = 0.4 * np.sin(vertices[:, :2] @ waves.T + phase).mean(axis=1)
     mesh = Mesh(vertices, faces)
     return mesh, laid_flat(mesh, len(faces)), None
 
@@ -145,7 +136,7 @@ def terrain(seed, size, side=60):
 def small_charts(seed, size, texels=0.7):
     """The squares of a floor below boxes, each a chart of some texels or less."""
     random = np.random.default_rng(seed)
-    vertices, faces = grid(16)
+    vertices, faces = grid(15, 2.0)
     stand = [box(random.uniform(0.02, 0.2, 3), (*random.uniform(-0.9, 0.9, 2), 0)) for _ in range(40)]
     mesh = joined([(vertices, faces), *stand])
     across = int(np.ceil(np.sqrt(len(faces))))

@@ -5,6 +5,11 @@ import trimesh
 
 from obscurance.raytrace import Mesh
 
+FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
+vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt .05 .55\nvt .95 .55\nvt .95 .95\nvt .05 .95
+f 1/1 2/2 3/3 4/4\nf 4/5 3/6 6/7 5/8\n"""
+"""An OBJ file of a floor and a wall, a chart of the page each."""
+
 
 def rectangle(corner, u, v):
     """Four corners, in front of which u × v points."""

@@ -46,16 +46,6 @@ def test_a_command_parses(page, words):
     parse(words)
 
 
-def test_commands_are_found_and_wrong_ones_noticed():
-    text = "```sh\nsbatch --wrap 'obscurance bake a.ply \\\n --samples $K -o b' # x\n```\nso `obscurance view a.ply`"
-    assert list(calls(text)) == [["bake", "a.ply", "--samples", "1", "-o", "b"], ["view", "a.ply"]]
-    with pytest.raises(Exception, match="No such option"):
-        parse(["bake", "a.ply", "--no-such"])
-    with pytest.raises(Exception, match="expected one of none, ramp, texture, got auto"):
-        parse(["bake", "a.ply", "-o", "b.ply", "--occlusion", "auto"])
-    assert len(CALLS) > 80
-
-
 def test_what_is_to_be_installed_is_on_an_index_and_every_extra_stands_in_the_table():
     """The package itself is none of it."""
     pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)

@@ -63,10 +63,3 @@ def test_the_bare_integral_exceeds_one_towards_grazing():
     assert sum(furnace(4, (4, 4), np.radians(85), "kirchhoff")) == pytest.approx(1.41, abs=0.02)
     assert sum(furnace(4, (4, 4), np.radians(85))) < 1
     assert sum(furnace(1, (8, 8), 0.0, "kirchhoff")) == pytest.approx(1, abs=1e-3)
-
-
-def test_smooth_surfaces_scatter_blue_light_most():
-    """As 1/λ⁴, where heights are small: Rayleigh's law."""
-    material = Kajiya(height=5, correlation_parallel=1e4, correlation_perpendicular=1e4, eta=PERFECT)
-    red, _, blue = reflect(material, NORMAL, towards(0.2), towards(0.2, np.pi))
-    assert blue / red == pytest.approx((611 / 464) ** 4, rel=0.02)

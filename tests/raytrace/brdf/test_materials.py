@@ -3,7 +3,6 @@
 import tomllib
 from dataclasses import FrozenInstanceError
 
-import numpy as np
 import pytest
 
 from obscurance.raytrace import (
@@ -20,12 +19,9 @@ from obscurance.raytrace import (
     Ward,
     material_from_dict,
 )
-from obscurance.raytrace.brdf import material as rows
-from obscurance.raytrace.brdf.material import pack_materials
 from obscurance.raytrace.brdf.presets import PRESETS
 from obscurance.raytrace.brdf.reflect import reflect
 from obscurance.raytrace.errors import OptionError
-from obscurance.raytrace.kernel.vector import triple
 
 REFUSED = [
     (lambda: Lambert(albedo=1.2), "Lambert", "albedo[0]", "[0, 1]", 1.2),
@@ -119,25 +115,3 @@ def test_preset_with_a_change():
 def test_materials_are_immutable():
     with pytest.raises(FrozenInstanceError):
         Lambert(albedo=0.5).albedo = (0, 0, 0)
-
-
-def test_accessors_for_a_renderer():
-    strauss = Strauss(colour=(0.2, 0.4, 0.8), smoothness=0.5, transparency=0.25, emission=2)
-    _, row = strauss.pack()
-    assert triple(row, rows.EMISSION) == (2, 2, 2)
-    assert row[rows.ALPHA] == 0.75
-    assert triple(row, rows.AMBIENT) == pytest.approx((1 - 0.5**3) * 0.75 * np.array([0.2, 0.4, 0.8]))  # Q_a = r_d c
-    _, row = Phong(k_d=0.2).pack()
-    assert triple(row, rows.AMBIENT) == (0.2, 0.2, 0.2)
-    _, row = Phong(k_d=0.2, k_a=0.4).pack()
-    assert triple(row, rows.AMBIENT) == (0.4, 0.4, 0.4)
-    assert row[rows.ALPHA] == 1
-
-
-def test_pack_materials():
-    kinds, table = pack_materials(ONE_OF_EACH)
-    assert kinds.tolist() == [m.kind for m in ONE_OF_EACH]
-    for material, row in zip(ONE_OF_EACH, table, strict=True):
-        own = material.pack().row
-        np.testing.assert_array_equal(row, np.append(own, np.zeros(table.shape[1] - len(own))))
-    assert pack_materials([])[1].shape == (0, rows.MODEL)

@@ -14,7 +14,6 @@ from obscurance.raytrace import (
     OrenNayar,
     Phong,
     PoulinFournier,
-    Strauss,
     Ward,
 )
 from obscurance.raytrace.brdf.models.oren_nayar import fitted_orders
@@ -60,14 +59,6 @@ PHYSICAL = [
 @pytest.mark.parametrize("material", PHYSICAL, ids=lambda m: m.model)
 def test_reciprocity(material):
     assert asymmetry(material) < 1e-6
-
-
-@pytest.mark.parametrize(
-    "material", [Phong(k_d=0.3, k_s=0.6), BlinnPhong(k_d=0.3, k_s=0.6), Strauss(colour=0.5, smoothness=0.5)]
-)
-def test_empirical_models_are_not_reciprocal(material):
-    """Documented, not hidden: k_s S has no cosine, so dividing by n·l cannot be symmetric."""
-    assert asymmetry(material) > 0.5
 
 
 @pytest.mark.parametrize("material", [Phong(k_d=0.3, k_s=0.6, weight="cosine"), PoulinFournier(k_d=0.4, k_s=0)])
@@ -126,11 +117,6 @@ def test_white_furnace_of_mixtures():
                 assert (1 - k_s) * body + k_s * coat <= 1 + 1e-4
 
 
-@pytest.mark.parametrize(("sigma", "expected"), [(0.1, 1.0138), (0.3, 1.0442), (0.6, 0.9949)])
-def test_oren_nayar_fit_exceeds_one_near_grazing(sigma, expected):
-    assert albedo(OrenNayar(albedo=1, sigma=sigma), np.radians(89)) == pytest.approx(expected, abs=2e-4)
-
-
 def test_oren_nayar_excess_is_at_most_five_percent():
     sigmas = [0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5]
     worst = max(albedo(OrenNayar(albedo=1, sigma=s), a) for s in sigmas for a in np.radians([0, 60, 80, 87, 89, 89.9]))
@@ -161,34 +147,11 @@ def test_equal_slopes_are_isotropic(form):
     )
 
 
-def test_no_slope_along_the_grain_is_a_mirror_along_it():
-    """m_∥ → 0: the lobe's width along the grain goes to zero with m_∥, and no light is lost."""
-    l = towards(np.array(0.5), np.array(np.pi / 2))
-    tilt = np.linspace(-0.5, 0.5, 20001)
-    r = l * [-1, -1, 1]
-    v = r + tilt[:, None] * [1, 0, 0]
-    widths = []
-    for m in (0.1, 0.01, 0.001):
-        material = EllipticalBeckmann(m_parallel=m, m_perpendicular=0.3, grain=(1, 0, 0), **MIRROR)
-        lobe = reflect(material, N, l, v)[:, 0]
-        widths.append(np.sqrt(np.sum(lobe * tilt**2) / np.sum(lobe)))
-    assert widths[0] / widths[1] == pytest.approx(10, rel=0.1)
-    assert widths[1] / widths[2] == pytest.approx(10, rel=0.01)
-
-
 def test_flat_cylinders_are_blinn_phong():
     l, v = hemisphere(1000, 5), hemisphere(1000, 6)
     paint = {"k_d": 0.3, "k_s": 0.5, "exponent": 12.0}
     flat = reflect(PoulinFournier(floor=1, spacing=3, **paint), N, l, v)
     np.testing.assert_allclose(flat, reflect(BlinnPhong(**paint), N, l, v), rtol=1e-12)
-
-
-def test_cylinders_shine_across_their_grain():
-    """Light and viewer across the grain meet facets turned halfway; along the grain the highlight stays narrow."""
-    material = PoulinFournier(k_d=0, k_s=1, exponent=200, spacing=3, grain=(1, 0, 0))
-    l, across, along = towards(0.6, np.pi / 2), towards(0.2, np.pi / 2), towards(0.2, 0.0)
-    assert reflect(material, N, l, across)[0] > 0.05
-    assert reflect(material, N, towards(0.6, 0.0), along)[0] < 1e-3
 
 
 def fit_errors(sigma, angles, order=48):
@@ -212,21 +175,6 @@ def test_oren_nayar_fit_against_the_integral(sigma):
     assert np.sqrt(np.mean(total**2)) < 0.06
     assert np.abs(total).max() < 0.2
     assert np.sqrt(np.mean(second**2)) < 0.05
-
-
-def test_the_error_of_the_fit_is_the_one_documented():
-    """docs/models/oren_nayar.md has .027 RMS and .173 at most."""
-    first, second = fit_errors(0.5, [5, 30, 55, 75])
-    total = first + 0.9 * second
-    assert np.sqrt(np.mean(total**2)) == pytest.approx(0.027, abs=0.006)
-    assert np.abs(total).max() == pytest.approx(0.173, abs=0.02)
-
-
-def test_reference_integral_of_a_nearly_flat_surface_is_lambert():
-    l, v = towards(0.4), towards(0.8, 1.0)
-    first, second = reference_orders(1e-3, l, v)
-    assert first == pytest.approx(l[2], rel=1e-4)
-    assert second < 1e-3
 
 
 def test_two_sided_material_is_lit_from_below():

@@ -83,14 +83,14 @@ def run(*parts):
 
 
 def test_a_model_of_one_s_own_is_reflected():
-    """In a number and in lanes; and no renderer of the library, which does not know it, is taken."""
-    run(REFLECTED, IN_LANES)
+    run(REFLECTED)
 
 
 @pytest.mark.slow
-def test_a_model_of_one_s_own_is_rendered():
-    """Compiles the renderer."""
-    run(REFLECTED, RENDERED)
+@pytest.mark.parametrize("then", [IN_LANES, RENDERED], ids=["in lanes", "rendered"])
+def test_a_model_of_one_s_own_is_reflected_in_lanes_and_rendered(then):
+    """Compiles all models, or the renderer; none of the library, which does not know this one, is taken."""
+    run(REFLECTED, then)
 
 
 def test_models_are_in_the_order_of_their_names():

@@ -80,14 +80,6 @@ def test_look_ups_against_numpy_also_far_outside(tmp_path, size):
     np.testing.assert_allclose(sample(packed, u, v), expected, atol=1e-9)
 
 
-def test_repetition(tmp_path):
-    packed = pack_textures([png(tmp_path / "a.png", codes())])
-    u, v = np.random.default_rng(1).random((2, 100))
-    for footprint in (0.0, 0.2, 0.7):
-        here = sample(packed, u, v, footprint)
-        np.testing.assert_allclose(sample(packed, u + 3, v - 5, footprint), here, atol=1e-9)
-
-
 @pytest.mark.parametrize("wrap", list(itertools.product(WRAPS, WRAPS)))
 @pytest.mark.parametrize("size", [(1, 1), (5, 7), (8, 8), (1, 6)])
 def test_wrap_modes_against_numpy(tmp_path, size, wrap):
@@ -99,18 +91,6 @@ def test_wrap_modes_against_numpy(tmp_path, size, wrap):
     if size == (8, 8):
         halves = reference(level(packed, 1).astype(float), u, v, wrap)
         np.testing.assert_allclose(sample(packed, u, v, 2 / 8), halves, atol=1e-9)
-
-
-def test_a_clamped_edge_takes_nothing_of_the_opposite_one(tmp_path):
-    image = np.zeros((4, 4, 3))
-    image[:, 0] = 255
-    png(tmp_path / "a.png", image)
-    packed = pack_textures([Texture(tmp_path / "a.png"), Texture(tmp_path / "a.png", wrap="clamp_to_edge")])
-    ends = np.array([0.0, 1e-9, 1 - 1e-9, 1.0])
-    np.testing.assert_allclose(sample(packed, ends, 0.5)[:, 0], 0.5, atol=1e-6)
-    np.testing.assert_allclose(sample(packed, ends, 0.5, texture=1)[:, 0], [1, 1, 0, 0], atol=1e-6)
-    assert packed.first_level[0] == packed.first_level[1]  # one image
-    assert len(packed.texels) == 16 + 4 + 1
 
 
 @pytest.mark.parametrize("wrap", ["clamp", ("repeat",), ("repeat", "repeat", "repeat"), (1, 2), None, 3, [[], []]])
@@ -130,25 +110,6 @@ def test_coordinates_that_no_texture_has_stay_inside_the_arrays(tmp_path, value,
         assert ((found >= 0) & (found <= 1)).all()
 
 
-@pytest.mark.parametrize("size", [(16, 16), (13, 7), (1, 5)])
-def test_a_constant_texture_is_constant_at_any_footprint(tmp_path, size):
-    packed = pack_textures([png(tmp_path / "a.png", np.full((*size, 3), (10, 128, 250)))])
-    u, v = np.random.default_rng(1).random((2, 50))
-    expected = decode_srgb(np.array((10, 128, 250)) / 255)
-    for footprint in (0.0, 0.01, 0.1, 0.3, 1.0, 50.0):
-        np.testing.assert_allclose(sample(packed, u, v, footprint), np.tile(expected, (50, 1)), rtol=1e-5)
-
-
-def test_a_checkerboard_fades_to_its_mean(tmp_path):
-    squares = 255 * (np.indices((32, 32)).sum(axis=0) % 2)
-    packed = pack_textures([png(tmp_path / "a.png", np.repeat(squares[..., None], 3, axis=2))])
-    u, v = np.random.default_rng(1).random((2, 200))
-    spread = [np.ptp(sample(packed, u, v, footprint)) for footprint in (0, 1.2 / 32, 1.6 / 32)]
-    assert spread[0] > spread[1] > spread[2] > 0
-    for footprint in (2 / 32, 0.2, 1.0, 9.0):
-        np.testing.assert_allclose(sample(packed, u, v, footprint), 0.5, atol=1e-6)
-
-
 def test_every_level_of_a_power_of_two_keeps_the_linear_mean(tmp_path):
     image = codes(32, 64)
     packed = pack_textures([png(tmp_path / "a.png", image)])
@@ -159,13 +120,6 @@ def test_every_level_of_a_power_of_two_keeps_the_linear_mean(tmp_path):
         np.testing.assert_allclose(level(packed, number).mean(axis=(0, 1)), linear.mean(axis=(0, 1)), rtol=1e-5)
     halves = linear.reshape(16, 2, 32, 2, 3).mean(axis=(1, 3))
     np.testing.assert_allclose(level(packed, 1), halves, atol=1e-6)
-
-
-def test_odd_sizes_keep_the_mean_nearly(tmp_path):
-    image = codes(37, 53)
-    packed = pack_textures([png(tmp_path / "a.png", image)])
-    linear = decode_srgb(image / 255).mean(axis=(0, 1))
-    np.testing.assert_allclose(level(packed, len(packed.levels) - 1)[0, 0], linear, atol=0.06)
 
 
 def test_between_two_levels(tmp_path):
@@ -195,33 +149,10 @@ def test_sixteen_bits(tmp_path):
     np.testing.assert_allclose(level(packed, 0)[..., 1], decode_srgb(grey / 65535), atol=1e-6)
 
 
-def test_jpeg_within_its_loss(tmp_path):
-    ramp = np.repeat(np.tile(np.linspace(0, 255, 32), (32, 1))[..., None], 3, axis=2)
-    packed = pack_textures([png(tmp_path / "a.jpg", ramp, quality=95)])
-    np.testing.assert_allclose(level(packed, 0), decode_srgb(ramp / 255), atol=0.03)
-
-
-def test_values_that_are_not_srgb(tmp_path):
-    image = codes()
-    png(tmp_path / "a.png", image)
-    packed = pack_textures([Texture(tmp_path / "a.png", srgb=False)])
-    np.testing.assert_allclose(level(packed, 0), image / 255, atol=1e-6)
-
-
 def test_floats_are_linear(tmp_path):
     plain((0.5, 3.0, 0.125, 1.0)).save(tmp_path / "a.exr", layers=["beauty"])
     packed = pack_textures([Texture(tmp_path / "a.exr")])
     np.testing.assert_array_equal(level(packed, 0)[4, 5], (0.5, 3.0, 0.125))
-
-
-@pytest.mark.parametrize("name", ["scene.glb image 0", "paint.png"])
-@pytest.mark.parametrize("kind", ["PNG", "JPEG"])
-def test_bytes_are_like_the_file(tmp_path, name, kind):
-    content = io.BytesIO()
-    PIL.Image.fromarray(codes()).save(content, kind)
-    (tmp_path / f"a.{kind}").write_bytes(content.getvalue())
-    packed = pack_textures([Texture(Path(name), content.getvalue()), Texture(tmp_path / f"a.{kind}")])
-    np.testing.assert_array_equal(level(packed, 0), level(packed, packed.first_level[1]))
 
 
 def test_only_the_seen_ones_are_read_and_equal_ones_once(tmp_path):

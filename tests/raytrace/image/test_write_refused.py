@@ -11,7 +11,7 @@ from frames import METADATA, frame, plain
 from pictures import ENDINGS, names, python
 
 from obscurance.raytrace.errors import OptionError, OutputError
-from obscurance.raytrace.image.write import check_image_target, write_image
+from obscurance.raytrace.image.write import check_image_target
 
 FULL_DISK = """
 import json, resource, sys
@@ -116,10 +116,3 @@ def test_what_cannot_be_written_is_outcomes_before_the_work(tmp_path, name, opti
 def test_a_layer_that_the_frame_lacks(tmp_path):
     with pytest.raises(OptionError, match="expected layers of the frame: beauty, got depth"):
         plain((0, 0, 0, 1)).save(tmp_path / "a.exr", layers=["depth"])
-
-
-def test_a_missing_folder_is_outcomes_before_the_work(tmp_path):
-    with pytest.raises(OutputError, match="there is no folder"):
-        check_image_target(tmp_path / "missing" / "a.exr")
-    with pytest.raises(OutputError, match="there is no folder"):
-        write_image(tmp_path / "missing" / "a.png", np.zeros((2, 2, 3)))

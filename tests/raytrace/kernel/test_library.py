@@ -154,8 +154,7 @@ except KernelError as refused:
 """
 
 
-@pytest.mark.parametrize("builds", [True, False])
-@pytest.mark.parametrize("installed", [True, False])
+@pytest.mark.parametrize(("builds", "installed"), [(True, True), (False, False)])
 def test_a_kernel_is_built_for_the_types_it_is_annotated_with_and_refuses_others(project, builds, installed):
     """In a source tree, where it may be compiled when it is called, as where it is installed."""
     (project / "raytrace" / "loop.py").write_text(TYPED)

@@ -62,13 +62,6 @@ def test_light_ends_at_its_range(light):
     assert not left_out_in(light, (3.99, -1, -1), (5, 1, 1))
 
 
-def test_directional_light_is_not_attenuated():
-    l, distance, rgb = arriving(DirectionalLight(direction=(0, 0, -5), intensity=4), (7, 8, 9))
-    np.testing.assert_allclose(l, [0, 0, 1])
-    assert distance == np.inf
-    np.testing.assert_allclose(rgb, 4)
-
-
 def test_spot_light_within_and_outside_its_cone():
     spot = SpotLight(
         position=ORIGIN, direction=(0, 0, 2), half_angle=30, exponent=3, attenuation=(1, 0, 0), intensity=5
@@ -79,12 +72,6 @@ def test_spot_light_within_and_outside_its_cone():
     for degrees in (30.01, 90, 180):
         a = radians(degrees)
         assert (arriving(spot, (4 * sin(a), 0, 4 * cos(a)))[2] == 0).all()
-
-
-def test_ambient_light_has_no_direction():
-    l, _, rgb = arriving(AmbientLight(intensity=(0.1, 0.2, 0.3)), (1, 2, 3))
-    assert (l == 0).all()
-    np.testing.assert_allclose(rgb, [0.1, 0.2, 0.3])
 
 
 def test_at_the_light_itself_everything_is_finite():

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance
+from command import obscurance, succeeded
 from stress.pose import Pose
 from stress.solids import grid
 
@@ -74,8 +74,7 @@ def test_the_command_says_so(tmp_path):
         trimesh.Trimesh(Pose(1.0, offset, 1).vertices(part[0]), part[1], process=False).export(path)
     for path, count in ((far, 1), (near, 0)):
         report = tmp_path / "report.json"
-        done = obscurance("bake", path, "-o", tmp_path / "w.npy", "--samples", 8, "--report", report)
-        assert done.returncode == 0, done.stderr
+        done = succeeded("bake", path, "-o", tmp_path / "w.npy", "--samples", 8, "--report", report)
         printed = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
         assert len(printed) == count
         warnings = json.loads(report.read_text())["warnings"]
@@ -93,8 +92,7 @@ def test_so_does_that_for_pictures_once_for_each_mesh(tmp_path):
     for scene, count in (("scene.toml", 1), ("far.ply", 1), ("near.ply", 0)):
         report = tmp_path / "report.json"
         size = "--width", 8, "--height", 8, "--samples", 1, "--obscurance", "off"
-        done = obscurance("render", tmp_path / scene, "-o", tmp_path / "p.png", *size, "--report", report)
-        assert done.returncode == 0, done.stderr
+        done = succeeded("render", tmp_path / scene, "-o", tmp_path / "p.png", *size, "--report", report)
         printed = [line for line in done.stderr.splitlines() if line.startswith("warning: ")]
         assert len(printed) == count, done.stderr
         assert [f"warning: {text}" for text in json.loads(report.read_text())["warnings"]] == printed

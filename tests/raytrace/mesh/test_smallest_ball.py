@@ -4,11 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
-import trimesh
 
-from obscurance.raytrace import Mesh
 from obscurance.raytrace.mesh.smallest_ball import smallest_ball
-from obscurance.scenes.geometry.polyhedra import generic_rotation
 
 RANDOM = np.random.default_rng(7)
 
@@ -54,13 +51,3 @@ CASES = {
 def test_known_balls(name):
     points, radius = CASES[name]
     assert smallest_ball(points)[1] == pytest.approx(radius, rel=1e-9, abs=0)
-
-
-def test_neither_turning_nor_refinement_changes_a_mesh_s_radius():
-    shape = trimesh.creation.cone(radius=1, height=2)
-    finer = shape.subdivide().subdivide()
-    turned = Mesh(generic_rotation(3).apply(shape.vertices), shape.faces)
-    radius = Mesh(shape.vertices, shape.faces).radius
-    assert radius == pytest.approx(1.25, rel=1e-10)  # of the triangle of its outline
-    assert turned.radius == pytest.approx(radius, rel=1e-10)
-    assert Mesh(finer.vertices, finer.faces).radius == pytest.approx(radius, rel=1e-10)

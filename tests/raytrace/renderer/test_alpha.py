@@ -28,8 +28,8 @@ from obscurance.raytrace import (
 from obscurance.raytrace.renderer.render import rendering_bytes, seen_vertices
 
 SHADINGS = ["constant", "flat", "gouraud", "phong", "quadratic"]
-SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
-FACES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
 AHEAD = Camera(position=(0.5, 0.5, 3), target=(0.5, 0.5, 0), up=(0, 1, 0), height=1.0)
 BELOW_CARDS = Camera(position=(0.5, 0.5, 0.2), target=(0.5, 0.5, 0), up=(0, 1, 0), height=1.0)
 BACKGROUND = np.array([0.25, 0.5, 0.75])
@@ -150,12 +150,6 @@ def test_shadows_of_layers_multiply(shading, light):
     assert not dark.layers["beauty"][..., :3].any()
 
 
-def test_shadows_of_more_layers_than_are_noted_multiply():
-    cards = [at(0.3 + 0.01 * row, shape(RED, AlphaSurface(0.05), size=3)) for row in range(40)]
-    shadow = picture([at(0, shape()), *cards], DOWN, BELOW_CARDS).layers["shadow"]
-    np.testing.assert_allclose(shadow, 0.95**40, rtol=1e-5)
-
-
 @pytest.mark.parametrize(
     "surface",
     [
@@ -171,15 +165,6 @@ def test_the_shadow_of_a_card_that_is_half_cut_away_is_that_of_half_a_card(surfa
     clear = 7 if shading == "gouraud" else 8  # vertices next to the edge are linear
     assert (shadow[:, :clear] == 0).all()
     assert (shadow[:, 16 - clear :] == 1).all()
-
-
-def test_a_cut_out_shows_the_floor_behind():
-    items = at(0, shape(RED)), at(0.4, shape(GREEN, AlphaSurface(texture=half_cut(), cutoff=0.5)))
-    layers = picture(items).layers
-    assert (layers["beauty"][:, :8] == [*GREEN, 1]).all()
-    assert (layers["beauty"][:, 8:] == [*RED, 1]).all()
-    assert (layers["object_id"][:, 8:] == 1).all()
-    np.testing.assert_allclose(layers["depth"][:, 8:], 3, rtol=1e-6)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)

@@ -89,7 +89,7 @@ LENSES = (
 @pytest.mark.parametrize(("name", "camera"), [("diagonal", {}), *(("fence", camera) for camera in LENSES)])
 def test_no_part_of_a_wire_is_missed(name, width, camera):
     """The filter's weights sum to 1 over the pixels: so do the shares of a wire's pixels to its area."""
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         picture, area = wires(name, width, seed, **camera)
         assert picture.sum() == pytest.approx(area, rel=0.03)
 

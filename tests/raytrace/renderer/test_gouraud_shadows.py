@@ -52,14 +52,6 @@ def moved(mesh, matrix):
     return Mesh(apply(matrix, mesh.vertices), faces)
 
 
-def walls(mesh, flip=False):
-    """The six sides of a cube as objects of their own."""
-    faces = mesh.faces[:, ::-1] if flip else mesh.faces
-    normal = np.cross(*(mesh.vertices[faces[:, k]] - mesh.vertices[faces[:, 0]] for k in (1, 2)))
-    side = np.argmax(np.abs(normal), axis=1) * 2 + (normal.sum(axis=1) > 0)
-    return [Mesh(mesh.vertices, faces[side == k]) for k in range(6)]
-
-
 @pytest.mark.parametrize(("size", "away", "turn"), POSES)
 def test_a_closed_room_is_black(size, away, turn):
     matrix = similarity(size, away, turn)
@@ -74,30 +66,6 @@ def test_a_closed_room_that_is_an_instance_is_black(size, away, turn):
     second = np.eye(4)
     second[:3, 3] = 0, 0, -8
     assert not seen([Object(shape, matrix), Object(shape, matrix @ second)], matrix, (-0.4, -0.3, 0.35)).any()
-
-
-@pytest.mark.parametrize("turn", range(1, 5))
-@pytest.mark.parametrize("mirror", [1, -1])
-def test_stretched_instances_are_black(turn, mirror):
-    stretched = similarity(1, 0, turn) @ np.diag([1.0, 2.0, mirror * 0.3, 1.0]) @ similarity(1, 0, turn + 1)
-    shape, other = Shape(ROOM, WHITE), similarity(0.2, -1, 0)
-    assert not seen([Object(shape, stretched), Object(shape, other)], stretched, (-0.4, -0.3, 0.35)).any()
-
-
-@pytest.mark.parametrize("turn", range(3))
-def test_a_room_whose_walls_are_objects_is_black(turn):
-    matrix = similarity(1, 0, turn)
-    assert not seen([Object(Shape(w, WHITE), matrix) for w in walls(ROOM)], matrix, (-0.4, -0.3, 0.35)).any()
-
-
-@pytest.mark.parametrize("instanced", [False, True])
-@pytest.mark.parametrize("turn", range(3))
-def test_a_room_seen_from_behind_is_black(turn, instanced):
-    """Walls that look outwards, of a material with two sides."""
-    matrix = similarity(1, 0, turn)
-    shape = Shape(Mesh(*cube(6)), TWO_SIDED)
-    objects = [Object(shape, matrix)] + [Object(shape, similarity(0.1, 20, 0))] * instanced
-    assert not seen(objects, matrix, (-0.4, -0.3, 0.35)).any()
 
 
 @pytest.mark.parametrize("lamp", [(0.2, -0.1, 0.1), (-0.45, -0.45, 0.45)])

@@ -6,6 +6,7 @@ from hard_edges import CORNERS, FACES, INWARDS, OF, box
 
 from obscurance.raytrace import Camera, DirectionalLight, Lambert, Mesh, Object, Scene, Settings, Shape, render
 from obscurance.raytrace.mesh.normals import vertex_normals
+from obscurance.raytrace.renderer.render import seen_vertices
 
 MATERIAL = Lambert(albedo=0.8)
 CAMERA = Camera(position=(0.9, 0.7, 4), target=(0.5, 0.5, 0))
@@ -53,3 +54,19 @@ def test_w_of_a_scene_stands_on_the_normals_that_are_shaded():
     np.testing.assert_allclose(found, expected, atol=1e-12)
     assert np.isnan(flat.normals[len(CORNERS) :]).all()
     assert Scene((Object(Shape(box("shared"), MATERIAL)),)).flattened().normals is None
+
+
+PLACES = np.array([[0, 0, 0], [3, 0, 0], [6, 0, 0]])
+
+
+def test_vertices_that_are_seen_are_those_of_the_scene_whose_edges_are_split():
+    """A corner is seen if one of the sides that it is split for is."""
+    camera, found = Camera(position=(3.4, 0.3, 9), target=(3.5, 0.5, 0)), {}
+    for form in ("shared", "apart"):
+        boxes = [Object(Shape(Mesh(box(form).vertices + place, box(form).faces), MATERIAL)) for place in PLACES]
+        found[form] = seen_vertices(Scene(tuple(boxes)), camera, Settings(48, 48, samples=1))
+    expected = np.zeros((3, len(CORNERS)), np.bool_)
+    for k, at_corners in enumerate(found["apart"].reshape(3, -1)):
+        expected[k, FACES.ravel()[at_corners]] = True
+    assert 0 < expected[2].sum() < len(CORNERS)
+    np.testing.assert_array_equal(found["shared"], expected.ravel())

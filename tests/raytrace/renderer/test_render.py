@@ -8,7 +8,6 @@ from rendered import CAMERA, ONE, PLANE, box, grid, pixel, sphere, still_scene, 
 from obscurance import ao
 from obscurance.raytrace import BlinnPhong, Lambert, Mesh, Phong
 from obscurance.raytrace.camera import Camera
-from obscurance.raytrace.kernel import jit
 from obscurance.raytrace.lights.sources import AmbientLight, DirectionalLight, PointLight
 from obscurance.raytrace.renderer.render import render
 from obscurance.raytrace.scene import Object, Scene, Shape
@@ -48,22 +47,6 @@ def test_worked_example_b(shading, expected):
     camera = Camera((4, 3, 5), (4, 3, 1), (0, 1, 0), height=1e-4)
     frame = render(scene, camera, Settings(width=1, height=1, samples=1, shading=shading, terminator=False))
     np.testing.assert_allclose(pixel(frame)[:3], expected, atol=1e-5)
-
-
-def test_quadratic_shading_turns_where_linear_stays_flat():
-    """Equal normals leaning along an edge: linear interpolation is constant, the quadratic one meets the chord."""
-    n = np.array([1, 0, 1]) / 2**0.5
-    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], [n, n, n])
-    scene = Scene((Object(Shape(mesh, Lambert(albedo=1))),), (DirectionalLight(direction=(0, 0, -1)),))
-    camera = Camera((0.5, 0.0001, 5), (0.5, 0.0001, 0), (0, 1, 0), height=1e-6)
-    normals = {}
-    for shading in ("phong", "quadratic"):
-        frame = render(scene, camera, Settings(width=1, height=1, samples=1, shading=shading))
-        normals[shading] = pixel(frame, "normal")
-    np.testing.assert_allclose(normals["phong"], n, atol=1e-6)
-    # On the edge w = x at s = ½: n + b/2 + a/4 with a = 3 (2 n·x) x, b = −a, so x: n_x − 3 n_x/2.
-    expected = n + np.array([-1.5 * n[0], 0, 0])
-    np.testing.assert_allclose(normals["quadratic"], expected / np.linalg.norm(expected), atol=1e-3)
 
 
 def test_a_shadows_edge_lies_where_the_light_puts_it():
@@ -193,15 +176,6 @@ def test_a_lens_blurs_what_is_out_of_focus_only():
     assert width(sharp) <= 3
     assert width(lens) <= 3
     assert width(far) > 6
-
-
-def test_a_background_of_whole_numbers_needs_no_kernels_of_its_own():
-    """A kernel is compiled for each type of its arguments: this one, for some ten seconds."""
-    floor = (Object(Shape(PLANE, Lambert(albedo=1))),)
-    first = render(Scene(floor, background=(1.0, 0.0, 0.0)), CAMERA, ONE)
-    before = len(jit.loaded)
-    assert render(Scene(floor, background=(1, 0, 0)), CAMERA, ONE).background == first.background
-    assert len(jit.loaded) == before
 
 
 def test_progress_ends_at_the_end(still):

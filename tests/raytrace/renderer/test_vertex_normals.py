@@ -5,18 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance
 from rendered import ONE, pixel, white
 
-from obscurance.raytrace import EllipticalBeckmann, Mesh, PoulinFournier
+from obscurance.raytrace import Mesh
 from obscurance.raytrace.camera import Camera
-from obscurance.raytrace.image.read import read_image
-from obscurance.raytrace.lights.sources import DirectionalLight
 from obscurance.raytrace.renderer.render import render
 from obscurance.raytrace.scene import Object, Scene, Shape
 from obscurance.raytrace.settings import Settings
 from obscurance.scenes.description.read import read_scene
-from obscurance.scenes.geometry.primitives import sphere
 
 RING = np.radians([0, 20, 130, 260])
 SLOPE = np.column_stack([np.cos(RING), np.sin(RING), -0.15 * np.array([1, 1.2, 0.7, 1])])
@@ -77,46 +73,6 @@ def test_instances_have_them_too():
     camera = Camera((0, 0, 5), (0, 0, 0), (0, 1, 0), height=1e-6)
     frame = render(Scene((Object(shape), Object(shape, far))), camera, replace(ONE, normals="area"))
     np.testing.assert_allclose(pixel(frame, "normal"), expected("area"), atol=1e-5)
-
-
-def test_the_command_and_the_scene_file_say_which(tmp_path):
-    trimesh.Trimesh(CORNERS, FACES, process=False).export(tmp_path / "pyramid.ply")
-    text = "[camera]\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\nup = [0, 1, 0]\nheight = 1e-6\n[render]\nwidth = 1\n"
-    text += 'height = 1\nsamples = 1\nnormals = "equal"\n[[objects]]\nmesh = "pyramid.ply"\n'
-    (tmp_path / "a.toml").write_text(text)
-    for options, weighting in (((), "equal"), (("--normals", "area"), "area"), (("--normals", "file"), "angle")):
-        target = tmp_path / f"{weighting}.exr"
-        result = obscurance("render", tmp_path / "a.toml", "-o", target, *options)
-        assert result.returncode == 0, result.stderr
-        layers, metadata = read_image(target)
-        np.testing.assert_allclose(layers["normal"][0, 0], expected(weighting), atol=1e-5)
-        assert metadata["normals"] == (options[1] if options else "equal")
-
-
-BRUSHED = [
-    lambda **own: EllipticalBeckmann(albedo=0, m_parallel=0.1, m_perpendicular=0.5, **own),
-    lambda **own: PoulinFournier(k_d=0.1, k_s=0.5, spacing=3, **own),
-]
-
-
-@pytest.mark.parametrize("brushed", BRUSHED)
-@pytest.mark.parametrize("shading", ["flat", "gouraud", "phong"])
-def test_a_material_s_own_grain_is_seen_on_a_mesh_with_texture_coordinates(brushed, shading):
-    """As on the same mesh without; and each grain looks its own way."""
-    ball = sphere(0.5, 0.05)
-    settings = Settings(width=40, height=40, samples=1, shading=shading)
-    lights = (DirectionalLight(direction=(0.3, 1.0, -0.6)),)
-
-    def picture(uv, **own):
-        item = Object(Shape(ball.mesh, brushed(**own), uv))
-        return render(Scene((item,), lights), Camera((0, -3, 1), (0, 0, 0), height=1), settings).layers["beauty"]
-
-    along_x, along_z = picture(ball.uv, grain=(1, 0, 0)), picture(ball.uv, grain=(0, 0, 1))
-    assert np.abs(along_x - along_z).max() > 0.05
-    np.testing.assert_array_equal(along_x, picture(None, grain=(1, 0, 0)))
-    np.testing.assert_array_equal(along_z, picture(None, grain=(0, 0, 1)))
-    if shading != "gouraud":
-        assert np.abs(picture(ball.uv) - picture(None)).max() > 0.01  # the tangent, where there is no grain
 
 
 def test_grain_in_scene_files(tmp_path):

@@ -148,16 +148,6 @@ def test_shares_cover_everything_in_order_and_shorten_towards_the_end(count, thr
     assert all(size <= max((count - start) / (2 * threads), 5) for (start, _), size in zip(parts, sizes, strict=True))
 
 
-def test_large_shares_are_worked_on_once_each():
-    seen = np.zeros(10_001, int)
-
-    def work(start, stop):
-        seen[start:stop] += 1
-
-    run_blocks(len(seen), 5, work, 3, most=64)
-    assert (seen == 1).all()
-
-
 def pause(_start, _stop):
     time.sleep(0.0005)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from gltf_files import Builder
 from mesh_files import obj
 from meshes import hills
@@ -24,7 +24,7 @@ def mesh(tmp_path):
 def test_a_falloff_that_needs_an_end_says_so(mesh, falloff):
     line = f"bake: --falloff {falloff} needs --max-distance"
     refused(obscurance("bake", mesh, "-o", mesh.with_suffix(".ply"), "--falloff", falloff), line)
-    assert obscurance("bake", mesh, "-o", mesh.with_suffix(".ply"), "--falloff", "binary").returncode == 0
+    succeeded("bake", mesh, "-o", mesh.with_suffix(".ply"), "--falloff", "binary")
 
 
 def test_a_mesh_without_texture_coordinates_gets_the_options_that_make_some(mesh):
@@ -48,8 +48,7 @@ def test_advice_about_texture_coordinates_reads_none_that_are_malformed(tmp_path
     primitive["attributes"]["TEXCOORD_0"] = builder.accessor(vertices[:, :2].copy(), "VEC2", byteOffset=4)
     builder.mesh(primitive)
     (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
-    done = obscurance("bake", tmp_path / "m.glb", "-o", tmp_path / "w.glb", "--samples", 64)
-    assert done.returncode == 0, done.stderr
+    done = succeeded("bake", tmp_path / "m.glb", "-o", tmp_path / "w.glb", "--samples", 64)
     assert "--occlusion texture --uv unwrap" in done.stderr
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from project import ROOT
 
 from obscurance.raytrace.errors import ConflictError
@@ -100,8 +100,7 @@ def codes(path):
 def test_images_for_unreal_and_unity_differ_by_green(folder):
     for preset in ("unreal", "unity"):
         files = ("-o", f"{preset}.png", "--bent-normals", f"{preset}-n.png", "--report", f"{preset}.json")
-        result = obscurance("bake", "corner.obj", "--preset", preset, *files, *FEW)
-        assert result.returncode == 0, result.stderr
+        succeeded("bake", "corner.obj", "--preset", preset, *files, *FEW)
     (spec, unreal), (_, unity) = (codes(folder / f"{preset}-n.png") for preset in ("unreal", "unity"))
     assert (str(spec.format), spec.nchannels) == ("uint8", 3)
     assert not any("gamma" in each.name.lower() or "icc" in each.name.lower() for each in spec.extra_attribs)
@@ -119,14 +118,13 @@ def test_images_for_unreal_and_unity_differ_by_green(folder):
 
 
 def test_an_earlier_bake_is_repeated_for_another_program(folder):
-    done = obscurance("bake", "corner.obj", "--output-dir", "a", "--preset", "blender", "--samples", 8)
-    assert done.returncode == 0, done.stderr
+    succeeded("bake", "corner.obj", "--output-dir", "a", "--preset", "blender", "--samples", 8)
     manifest = json.loads((folder / "a" / "manifest.json").read_text())
     assert (manifest["inputs"][0]["output"], manifest["options"]["colors"]) == ("a/corner.glb", "rgb")
     again = ("--options", "a/manifest.json", "--report", "b.json")
-    assert obscurance("bake", "corner.obj", "-o", "same.glb", *again).returncode == 0
+    succeeded("bake", "corner.obj", "-o", "same.glb", *again)
     assert (folder / "same.glb").read_bytes() == (folder / "a" / "corner.glb").read_bytes()
-    assert obscurance("bake", "corner.obj", "-o", "b.png", *again, "--preset", "godot", "--size", 16).returncode == 0
+    succeeded("bake", "corner.obj", "-o", "b.png", *again, "--preset", "godot", "--size", 16)
     options = json.loads((folder / "b.json").read_text())["options"]
     assert (options["preset"], options["bits"], options["samples"]) == ("godot", "8", 8)
 

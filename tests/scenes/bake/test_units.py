@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command import COMMAND, obscurance, refused
+from command import COMMAND, obscurance, refused, succeeded
 from fuzz_seeds import DAE, MODEL, archive
 from gltf_files import Builder
 from mesh_files import ply
@@ -110,7 +110,7 @@ def test_a_pipe_has_the_unit_of_its_format_or_content(tmp_path, ending):
     options = "--samples", "16", "--half-distance"
     command = [*COMMAND, "bake", "-", "-o", "piped.npy", *options, f"{30 * unit} cm"]
     subprocess.run(command, input=content, cwd=tmp_path, check=True, capture_output=True)
-    assert obscurance("bake", tmp_path / f"m.{ending}", "-o", tmp_path / "w.npy", *options, 0.3).returncode == 0
+    succeeded("bake", tmp_path / f"m.{ending}", "-o", tmp_path / "w.npy", *options, 0.3)
     np.testing.assert_allclose(np.load(tmp_path / "piped.npy"), np.load(tmp_path / "w.npy"), atol=1e-6)
     w = obscurance_package.bake(tmp_path / f"m.{ending}", samples=16, half_distance=f"{30 * unit} cm").w
     np.testing.assert_allclose(w, np.load(tmp_path / "w.npy"), atol=1e-6)
@@ -131,7 +131,7 @@ def test_all_inputs_of_a_batch_have_one_unit(tmp_path):
     done = obscurance("bake", *(tmp_path / file for file in other), *options)
     refused(done, "expected files in the unit of ", "feet.3mf")
     assert not (tmp_path / "out").exists()
-    assert obscurance("bake", *(tmp_path / file for file in alike), *options).returncode == 0
+    succeeded("bake", *(tmp_path / file for file in alike), *options)
 
 
 @pytest.mark.parametrize("length", ["0.5", "25%", "12e-1"])

@@ -3,7 +3,7 @@
 import json
 
 import numpy as np
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 
 from obscurance import ao
 from obscurance.ao import Binary, Exponential
@@ -63,8 +63,7 @@ def test_the_command_prints_a_table_and_writes_a_report(tmp_path):
         "".join(f"v {x} {y} {z}\n" for x, y, z in mesh.vertices)
         + "".join(f"f {a} {b} {c}\n" for a, b, c in mesh.faces + 1)
     )
-    result = obscurance("bench", source, "--falloff", "binary", "--report", tmp_path / "r.json")
-    assert result.returncode == 0, result.stderr
+    result = succeeded("bench", source, "--falloff", "binary", "--report", tmp_path / "r.json")
     assert "8 vertices, 12 faces" in result.stdout
     report = json.loads((tmp_path / "r.json").read_text())
     assert [row["samples"] for row in report["rows"]] == [16, 64, 256, 1024]

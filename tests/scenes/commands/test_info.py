@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from gltf_samples import picture, transformed
 from mesh_files import VERTICES, obj, ply
 from meshes import hills
@@ -27,7 +27,7 @@ def test_json_holds_what_the_text_says(tmp_path):
 
 def test_json_reports_w_that_a_bake_has_left(tmp_path):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(6)))
-    assert obscurance("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.glb", "--samples", 64).returncode == 0
+    succeeded("bake", tmp_path / "hills.obj", "-o", tmp_path / "w.glb", "--samples", 64)
     found = json.loads(obscurance("info", tmp_path / "w.glb", "--json").stdout)
     assert 0 < found["stored_w"]["least"] < found["stored_w"]["mean"] < found["stored_w"]["largest"] <= 1
     assert found["stored_w"]["outside_0_to_1"] == 0
@@ -38,8 +38,7 @@ def test_json_reports_w_that_a_bake_has_left(tmp_path):
 def test_a_profile_is_described(tmp_path, ending, stored):
     (tmp_path / "hills.obj").write_bytes(obj(*hills(6)))
     baked = tmp_path / f"w.{ending}"
-    done = obscurance("bake", tmp_path / "hills.obj", "-o", baked, "--samples", 4, "--profile")
-    assert done.returncode == 0, done.stderr
+    succeeded("bake", tmp_path / "hills.obj", "-o", baked, "--samples", 4, "--profile")
     found = json.loads(obscurance("info", baked, "--json").stdout)
     lengths = found["stored_profile"]["half_distances"]
     assert len(lengths) == 10
@@ -79,7 +78,7 @@ def test_what_surfaces_have_is_listed(tmp_path, monkeypatch):
     said = " ".join(obscurance("info", "wall.obj").stdout.split())
     assert "normals in the file, several at some vertices texture sets 1 of texture coordinates" in said
     assert "materials 2: brick, moss textures 1: brick.png" in said
-    assert obscurance("bake", "wall.obj", "-o", "w.glb", "--samples", 1).returncode == 0
+    succeeded("bake", "wall.obj", "-o", "w.glb", "--samples", 1)
     baked = json.loads(obscurance("info", "w.glb", "--json").stdout)
     assert (baked["texture_sets"], baked["materials"][1:], baked["textures"][0]) == (1, ["brick", "moss"], "brick.png")
 

@@ -3,7 +3,7 @@
 import tomllib
 
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 
 from obscurance.raytrace import material_from_dict
 from obscurance.raytrace.brdf.presets import PRESETS
@@ -11,8 +11,7 @@ from obscurance.scenes.commands.materials import preset_toml
 
 
 def test_the_presets_are_listed():
-    result = obscurance("materials")
-    assert result.returncode == 0
+    result = succeeded("materials")
     assert [line.split()[0] for line in result.stdout.splitlines()] == list(PRESETS)
 
 

@@ -4,7 +4,8 @@ import re
 
 import numpy as np
 import pytest
-from scene_texts import PLAIN, SQUARE, scene
+from command import refused_without_a_trace
+from scene_texts import PLAIN, SQUARE, scene, written
 
 from obscurance.raytrace.errors import InputError, SceneError
 from obscurance.scenes.description.obscurance import with_obscurance
@@ -187,20 +188,65 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize(("message", "text"), MISTAKES.items(), ids=[m[:50] for m in MISTAKES])
-def test_a_mistake_is_one_line_with_its_path(tmp_path, message, text):
+MEANT = [
+    ("[camra]\n" + PLAIN, "camra: expected one of background", "did you mean camera?"),
+    ('[[object]]\nbuiltin = "box"', "object: expected one of background", "did you mean objects?"),
+    ('[[objects]]\nbuiltn = "box"', "objects[0]: expected either mesh or builtin, got neither; did you mean builtin?"),
+    (PLAIN + 'materiel = "gold"', "objects[0].materiel: expected one of", "did you mean material?"),
+    (PLAIN + 'material = "Golden"', 'got "Golden"; did you mean gold?'),
+    (PLAIN + 'material = { preset = "clya" }', "objects[0].material.preset", "got clya; did you mean clay?"),
+    (PLAIN + 'material = { model = "lambrt", albedo = 1 }', "got lambrt; did you mean lambert?"),
+    (PLAIN + 'material = { model = "phong", k_d = 1, exponnt = 3 }', ".exponnt: expected one of", "mean exponent?"),
+    (PLAIN + 'material = { model = "lambert", albdo = 1 }', ".albdo: expected one of", "did you mean albedo?"),
+    (PLAIN + 'material = { model = "lambert" }', "objects[0].material.albedo: expected a value, got nothing"),
+    (PLAIN + 'material = { model = "lambert", albedo = "red" }', "albedo: expected a list of numbers, got red"),
+    (PLAIN + 'material = { model = "lambert", albedo = 1.1 }', "albedo[0]: expected a number in [0, 1], got 1.1"),
+    (PLAIN + 'material = { model = "oren_nayar", albedo = 1, sigma = 30 }', "expected radians in [0, π/2], got 30"),
+    (
+        PLAIN + 'material = { model = "cook_torrance", albedo = 1, m = 1, distribution = "bekmann" }',
+        "distribution: expected one of beckmann, gaussian, got bekmann; did you mean beckmann?",
+    ),
+    (PLAIN + 'material = { model = "phong", k_d = 0.8, k_s = 0.8 }', "k_d + k_s [0]: expected at most 1, got"),
+    ('[[objects]]\nbuiltin = "shpere"', 'got "shpere"; did you mean sphere?'),
+    ('[[objects]]\nbuiltin = "sphere"\nradius = -1', "objects[0].radius: expected a number in", "got -1"),
+    ('[[objects]]\nbuiltin = "sphere"\nraduis = 1', "objects[0].raduis", "did you mean radius?"),
+    (PLAIN + "rotate = 90", "objects[0].rotate: expected a list of numbers, got 90"),
+    (PLAIN + "translate = [1, 2]", "objects[0].translate[2]: expected a value, got nothing"),
+    (PLAIN + "copies = [{ translat = [1, 2, 3] }]", "copies[0].translat: expected one of", "did you mean translate?"),
+    ("[camera]\nfov = 30\n" + PLAIN, "camera.fov: expected one of", "did you mean field_of_view?"),
+    ('[render]\nwidth = "big"\n' + PLAIN, 'render.width: expected a whole number from 1 to 32768, got "big"'),
+    ('[render]\nshading = "gourad"\n' + PLAIN, "got gourad; did you mean gouraud?"),
+    ("[render]\nshadow = true\n" + PLAIN, "render.shadow: expected one of", "did you mean shadows?"),
+    ('[obscurance]\nform = "ambiant"\n' + PLAIN, 'got "ambiant"; did you mean ambient?'),
+    ('[obscurance]\nfalloff = "exp"\n' + PLAIN, "got exp; did you mean exponential?"),
+    ("[obscurance]\ntua = 1\n" + PLAIN, "obscurance.tua: expected one of", "did you mean tau?"),
+    ("[obscurance]\nsamples = 1e3\n" + PLAIN, "obscurance.samples: expected a whole number, got 1000.0"),
+    ('[obscurance]\nmax_distance = "far"\n' + PLAIN, "obscurance.max_distance: expected a length above 0", "'far'"),
+    (PLAIN + '[[lights]]\nlight = "pont"\nposition = [0, 0, 1]', "lights[0].light", "got pont; did you mean point?"),
+    (PLAIN + "[[lights]]\nposition = [0, 0, 1]", "lights[0].light: expected a value, got nothing"),
+    (PLAIN + '[[lights]]\nlight = "ambient"\nintesity = 1', "lights[0].intesity", "did you mean intensity?"),
+    (
+        '[[materials]]\nname = "a"\nmodel = "strauss"\ncolour = 1\nsmoothness = 1\n' + PLAIN,
+        "smoothness",
+        "[0, 1), got 1",
+    ),
+    (PLAIN + '[[lights]]\nlight = "point"\nposition = [inf, 0, 1]', "lights[0].position", "inf"),
+    ('background = "blue"\n' + PLAIN, 'background: expected a list of numbers, got "blue"'),
+]
+CASES = [(text, message) for message, text in MISTAKES.items()] + MEANT
+
+
+@pytest.mark.parametrize("case", CASES, ids=[words[0][:50] for _, *words in CASES])
+def test_a_mistake_is_one_line_with_its_path(tmp_path, case):
+    text, *words = case
     folder = tmp_path / "inside"
     (folder / "folder").mkdir(parents=True)
     (tmp_path / "x.obj").write_text(SQUARE)
     (folder / "out.obj").symlink_to(tmp_path / "x.obj")
     plain = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
-    with pytest.raises(SceneError) as caught:
-        scene(folder, text, **{"broken.obj": "v a b c\nf 1 2 3\n", "plain.obj": plain, "w.npy": "-"})
-    line = str(caught.value)
-    assert line.startswith(str(folder / "scene.toml"))
-    assert message in line
-    assert "\n" not in line
-    assert len(line) < 500
+    path = written(folder, text, **{"broken.obj": "v a b c\nf 1 2 3\n", "plain.obj": plain, "w.npy": "-"})
+    line = f"{path}: ", *words
+    refused_without_a_trace(folder, line, "render", path, "-o", folder / "picture.png")
 
 
 def test_not_utf8(tmp_path):

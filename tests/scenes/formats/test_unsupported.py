@@ -5,7 +5,7 @@ import pytest
 from fuzz_seeds import MODEL, archive
 from gltf_files import QUAD, Builder, check_glb, values
 from kept_contents import bake, columns
-from mesh_files import read, stl
+from mesh_files import ascii_stl, read, stl
 
 from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.scenes.formats.unsupported import unsupported_features
@@ -42,6 +42,13 @@ def test_polygons_that_cross_themselves_are_reported(tmp_path):
 def test_colours_of_an_off_file_are_reported(tmp_path):
     file = read(tmp_path, "m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n")
     assert "colours" in unsupported_features(tmp_path / "w.ply", file)[0]
+
+
+@pytest.mark.parametrize("objects", [1, 2])
+def test_objects_of_an_stl_file_are_reported(tmp_path, objects):
+    solids = [(name, QUAD[[[0, 1, 2], [0, 2, 3]]]) for name in "ab"[:objects]]
+    found = unsupported_features(tmp_path / "w.ply", read(tmp_path, "m.stl", ascii_stl(*solids)))
+    assert ("its division into objects" in " ".join(found)) == (objects > 1)
 
 
 @pytest.mark.parametrize("tag", [b"texture2dgroup", b"multiproperties"])

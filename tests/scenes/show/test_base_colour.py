@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 from browser_pages import opened, shown
-from command import obscurance
+from command import succeeded
 from gltf_files import Builder
 from pages import columns_of, faces_of, facts_of
 from PIL import Image
@@ -38,8 +38,7 @@ def wall(tmp_path, monkeypatch):
 
 
 def page_of(path, *arguments):
-    done = obscurance(*arguments)
-    assert done.returncode == 0, done.stderr
+    succeeded(*arguments)
     return path.read_bytes()
 
 
@@ -59,8 +58,8 @@ def test_a_page_holds_colours_coordinates_and_the_image_as_it_is(wall):
 
 
 def test_w_and_arrays_of_a_mesh_are_seen_in_its_colours(wall):
-    assert obscurance("bake", "wall.obj", "-o", "w.npz", "--samples", 16).returncode == 0
-    assert obscurance("bake", "wall.obj", "-o", "w.glb", "--samples", 16).returncode == 0
+    succeeded("bake", "wall.obj", "-o", "w.npz", "--samples", 16)
+    succeeded("bake", "wall.obj", "-o", "w.glb", "--samples", 16)
     for arguments in (("w.npz", "--mesh", "wall.obj"), ("w.glb",)):
         page = page_of(wall / "p.html", "view", *arguments, "-o", "p.html")
         assert facts_of(page)["draws"][-1][-1] == 0
@@ -73,7 +72,7 @@ def test_colours_of_vertices_are_shown_and_the_grey_of_w_is_none(tmp_path, monke
     rows = [(0, 0, 0, 1, 0, 0), (1, 0, 0, 0, 1, 0), (0, 1, 0, 0, 0, 1)]
     lines = "".join("v {} {} {}{}\n".format(*row[:3], " {} {} {}".format(*row[3:]) if colours else "") for row in rows)
     (tmp_path / "m.obj").write_text(lines + "f 1 2 3\n")
-    assert obscurance("bake", "m.obj", "-o", "m.ply", "--samples", 8).returncode == 0
+    succeeded("bake", "m.obj", "-o", "m.ply", "--samples", 8)
     for name in ("m.obj", "m.ply"):
         base = base_colour(load(name, "page.html"))
         if colours:
@@ -149,7 +148,7 @@ def test_an_image_that_cannot_be_read_leaves_a_page_without_colours(wall):
 
 @pytest.mark.skipif(chromium.MISSING is not None, reason=str(chromium.MISSING))
 def test_a_browser_draws_them_times_light_and_w(wall, tab):
-    assert obscurance("bake", "wall.obj", "-o", "w.npz", "--samples", 8).returncode == 0
+    succeeded("bake", "wall.obj", "-o", "w.npz", "--samples", 8)
     for w in (1.0, 0.5):
         np.savez("half.npz", w=np.full(6, w, np.float32))
         page_of(wall / "p.html", "view", "half.npz", "--mesh", "wall.obj", "-o", "p.html")

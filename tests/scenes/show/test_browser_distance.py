@@ -5,7 +5,7 @@ import shlex
 import numpy as np
 import pytest
 from browser_pages import HOME, address, drawn, middle_of, opened, settled, shown, text_of
-from command import obscurance
+from command import succeeded
 from meshes import crumpled, hills
 
 from benchmarks.pictures import chromium
@@ -33,8 +33,7 @@ def folder(bake, tmp_path_factory):
     source = Asset.of(bake.mesh)
     write(folder / "m x.npz", bake, source)
     write(folder / "m.ply", bake, source)
-    result = obscurance("view", folder / "m x.npz", "--mesh", folder / "m.ply", "-o", folder / "m.html")
-    assert result.returncode == 0, result.stderr
+    succeeded("view", folder / "m x.npz", "--mesh", folder / "m.ply", "-o", folder / "m.html")
     return folder
 
 
@@ -120,7 +119,7 @@ def test_the_command_that_is_shown_bakes_what_is_shown(tab, page, bake, folder, 
     monkeypatch.chdir(folder)
     name, *words = shlex.split(command)
     assert name == "obscurance"
-    assert obscurance(*words).returncode == 0
+    succeeded(*words)
     w = read_w(folder / words[-1], len(bake.w))
     assert np.abs(w - bake.profile.at(half_distance)).max() < 0.002
 

@@ -6,7 +6,7 @@ import shlex
 
 import numpy as np
 import pytest
-from command import obscurance
+from command import succeeded
 from mesh_files import ply
 from meshes import hills
 from PIL import Image
@@ -32,8 +32,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def command_of(mesh, *options):
-    done = obscurance("bake", mesh, "-o", "page.html", "--profile", *options)
-    assert done.returncode == 0, done.stderr
+    succeeded("bake", mesh, "-o", "page.html", "--profile", *options)
     with open("page.html") as file:
         (text,) = re.findall(r'"permanent": ("(?:[^"\\]|\\.)*")', file.read())
     return json.loads(text)
@@ -44,10 +43,10 @@ def test_it_has_the_options_and_keeps_materials(folder):
     command = command_of("a b/m.obj", *options)
     name, *words = shlex.split(command.replace("{}", "40%"))
     assert name == "obscurance"
-    assert obscurance(*words).returncode == 0
+    succeeded(*words)
     made = load(folder / "m-baked.glb")
     assert made.raw.header["materials"][1]["pbrMetallicRoughness"]["baseColorTexture"]
-    assert obscurance("bake", "a b/m.obj", "-o", "w.glb", "--half-distance", "40%", *options).returncode == 0
+    succeeded("bake", "a b/m.obj", "-o", "w.glb", "--half-distance", "40%", *options)
     np.testing.assert_array_equal(read_w("m-baked.glb"), read_w("w.glb"))
 
 

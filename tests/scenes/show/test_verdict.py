@@ -54,12 +54,6 @@ def test_errors_larger_than_estimated_are_noticed():
     assert "measured" not in str(verdict(GOOD | {"error_calibration": {"groups": [group | {"low": 0.0015}]}}))
 
 
-def test_every_flag_has_its_words():
-    for flag in Flag:
-        found = verdict(GOOD | {"flagged": {flag.name.lower(): 3}})
-        assert "3 of 9 vertices" in found["findings"][0]["what"]
-
-
 @pytest.mark.parametrize("flag", list(Flag))
 def test_every_flag_has_words_for_one_vertex_and_for_several(flag):
     name = flag.name.lower()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from command import obscurance
 from fuzz_seeds import DAE, MODEL, archive
+from kept_contents import bake, columns
 from PIL import Image
 
 from obscurance.raytrace.image.colour import decode_srgb
@@ -128,3 +129,20 @@ def test_mirrored_copies_have_their_coordinates_turned_over(dae):
     assert uv[2].tolist() == uv[6, ::-1].tolist()
     corners = file.triangles.take(file.corners)
     np.testing.assert_array_equal(corners, file.mesh.faces)
+
+
+COLOURS = b"""<source id="c"><float_array id="d" count="9">1 0 0 0 1 0 0 0 1</float_array><technique_common>
+<accessor source="#d" count="3" stride="3"><param name="R" type="float"/><param name="G" type="float"/>
+<param name="B" type="float"/></accessor></technique_common></source><vertices id="v">"""
+
+
+def test_colours_of_vertices_of_collada_are_kept(tmp_path):
+    """Of the triangles, which are left of the file."""
+    head, _, rest = DAE.replace(b'<vertices id="v">', COLOURS).partition(b"<polylist")
+    triangles = rest[rest.index(b"<triangles") :]
+    coloured = b'<input semantic="COLOR" source="#c" offset="1"/><p>0 0 1 1 4 2 1 1 2 0 4 2</p>'
+    (tmp_path / "m.dae").write_bytes(head + triangles.replace(b"<p>0 1 4 1 2 4</p>", coloured, 1))
+    bake(tmp_path, "m.dae", "w.ply")
+    vertex = columns(tmp_path / "w.ply")[0]["vertex"]
+    found = np.stack([vertex[name].values for name in ("red", "green", "blue")], axis=-1)[:5]
+    np.testing.assert_array_equal(found / 255, [[1, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 1], [0, 0, 1]])
