@@ -164,9 +164,8 @@ class Asset:
         """All parts in world space. Raises: MeshError: as `Mesh`."""
         source, only = str(self.path), self.parts[0]
         facts: dict[str, Any] = {"source": source, "up": self.up, "polygons": self.triangles.polygons}
-        if len(self.parts) == 1 and only.node.matrix is None:
-            vertices, faces = only.primitive.positions, only.primitive.faces
-        else:
+        vertices, faces = only.primitive.positions, only.primitive.faces
+        if len(self.parts) > 1 or only.node.matrix is not None:
             vertices = np.empty((self.parts[-1].vertices.stop, 3))
             faces = np.empty((self.parts[-1].faces.stop, 3), np.int64)
             for part in self.parts:
@@ -324,13 +323,12 @@ class Asset:
     @cached_property
     def profile(self) -> Profile | None:
         """That a bake has left in the file; None where an object has none, or another's half-distances."""
-        profiles = [part.primitive.profile for part in self.parts]
-        there = [profile for profile in profiles if profile]
-        if len(there) < len(profiles):
+        profiles = [part.primitive.profile for part in self.parts if part.primitive.profile]
+        if len(profiles) < len(self.parts):
             return None
         from obscurance.ao import Profile
 
-        return Profile.joined(there)
+        return Profile.joined(profiles)
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -425,8 +423,10 @@ class Asset:
                 if len(rows) and (surface := material.surface(with_uv)):
                     of[rows] = len(surfaces)
                     surfaces.append(surface)
-        has_textures = any(surface.texture for surface in surfaces)
-        return Opacity(of, tuple(surfaces), uv if has_textures else None, corners) if surfaces else None
+        if not surfaces:
+            return None
+        has_textures, of_vertices = any(surface.texture for surface in surfaces), (corners != 1).any()
+        return Opacity(of, tuple(surfaces), uv if has_textures else None, corners if of_vertices else None)
 
     def with_mesh(self, mesh: Mesh) -> Self:
         """The asset with another mesh of the same faces in place of its own."""
