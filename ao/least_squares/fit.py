@@ -148,7 +148,7 @@ def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads
     smoothness = stencil.sum(add_jumps, hinges, patch.corners, patch.areas)
     shares = np.repeat(patch.areas * patch.cover / 3, 3)
     weights = shares / max(float(shares.sum()), 1e-300)
-    areas = np.bincount(face_points.ravel(), weights=weights, minlength=patch.unknowns)
+    areas = np.bincount(face_points.ravel(), weights=weights, minlength=patch.unknowns).astype(np.float64, copy=False)
     return Problem(stencil, (even, odd), smoothness, laplacian, areas, bent, threads, number)
 
 
