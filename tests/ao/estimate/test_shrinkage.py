@@ -8,6 +8,7 @@ import trimesh
 from meshes import hills
 
 from obscurance import ao
+from obscurance.ao.estimate import shrinkage
 from obscurance.ao.estimate.calibration import distribute_variance
 from obscurance.ao.estimate.one_ring import Neighbours
 from obscurance.ao.estimate.shrinkage import denoise
@@ -45,6 +46,28 @@ def rms(difference: np.ndarray) -> float:
 @pytest.fixture(scope="module")
 def truth() -> dict[str, np.ndarray]:
     return {name: ao.bake(mesh, ao.Binary(), samples=4096, seed=999, denoise=False).w for name, mesh in SCENES.items()}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_blocks_have_the_bits_of_the_whole(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    neighbours, points = rings(SCENES[name])
+    gathered = np.random.default_rng(1).uniform(0.1, 1.0, (len(points), 5)).astype(np.float32)
+    whole = denoise(neighbours, points, gathered, 0.01)
+    monkeypatch.setattr(shrinkage, "_BLOCK", 60)
+    for values, expected in zip(denoise(neighbours, points, gathered, 0.01), whole, strict=True):
+        np.testing.assert_array_equal(values, expected)
+
+
+def test_a_block_has_all_that_is_so_many_edges_away() -> None:
+    neighbours, points = rings(SCENES["hills"])
+    links = np.repeat(np.arange(len(points)), np.diff(neighbours.starts)), neighbours.indices
+    for block in neighbours.blocks(300, 2):
+        near = np.zeros(len(points), bool)
+        near[block.of_all] = True
+        for _ in range(2):
+            near[links[1][near[links[0]]]] = True
+        np.testing.assert_array_equal(block.rows, np.flatnonzero(near))
+        np.testing.assert_array_equal(block.rows[block.of_rows], np.arange(len(points))[block.of_all])
 
 
 @pytest.mark.parametrize("samples", [4, 16, 64, 256])

@@ -9,6 +9,7 @@ from obscurance.ao import Flag
 from obscurance.ao.points.receivers import find_receivers
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.ray_origins import origins
 from obscurance.raytrace.ray_origins.direction import outermost_normals
 
 
@@ -100,6 +101,17 @@ def test_no_ray_hits_the_faces_it_starts_on(offset):
     own = (found.of_vertex[found.faces[hits.face]] == chosen[:, None]).any(axis=1) & (hits.face >= 0)
     in_front = np.einsum("ij,ij->i", geometric, direction) > 0
     assert np.count_nonzero(own & in_front) == 0
+
+
+def test_origins_in_blocks_have_the_bits_of_the_whole(monkeypatch):
+    ball = trimesh.creation.icosphere(3)
+    mesh = Mesh(*crumpled((ball.vertices, ball.faces), 0.3, 2))
+    whole = receivers(mesh)
+    monkeypatch.setattr(origins, "_BLOCK", 100)
+    parts = receivers(mesh)
+    np.testing.assert_array_equal(parts.points.origins, whole.points.origins)
+    np.testing.assert_array_equal(parts.displaced, whole.displaced)
+    np.testing.assert_array_equal(parts.flags, whole.flags)
 
 
 def test_faces_and_vertices_of_any_order_keep_their_numbers():
