@@ -124,7 +124,8 @@ class Bake(Columns):
         flags: uint8 (n,), bits of `ao.Flag`.
         rays: number of rays traced, by an interrupted run too.
         rays_skipped: number of rays not traced, by reason.
-        rmse: estimated root mean square of `error` over the vertices asked for.
+        rmse: estimated root mean square of `error` over the vertices asked for; by the surface method over those in
+            sight, as of the values inside of other parts nothing is seen.
         seconds: `build` (the hierarchy over the faces) and `bake` (everything else that makes w).
         mu: the falloff used, in mesh units.
         mesh: what was baked.
@@ -173,14 +174,28 @@ class Bake(Columns):
         return to_html(self) if to_html and self.at == "vertices" else None
 
     def _repr_png_(self) -> bytes | None:
-        """A picture for notebooks: w on the mesh in ambient light, as it stands (`Mesh.up`)."""
+        """A picture for notebooks: w on the mesh as grey, a little lighter where it faces the camera (`Mesh.up`)."""
         if self.at != "vertices":
             return None
-        from obscurance.raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
+        from obscurance.raytrace import (
+            AmbientLight,
+            Camera,
+            DirectionalLight,
+            Lambert,
+            Object,
+            Scene,
+            Settings,
+            Shape,
+            render,
+        )
+        from obscurance.raytrace.image.colour import decode_srgb
 
-        white = Object(Shape(self.mesh, Lambert(albedo=(1, 1, 1), two_sided="viewer")), w=self.w)
-        scene = Scene((white,), (AmbientLight(intensity=(1, 1, 1)),), background=(0.05, 0.05, 0.05))
+        greys = np.repeat(decode_srgb(self.w)[:, None], 3, axis=1).astype(np.float64)
+        shape = Shape(self.mesh, Lambert(albedo=(1, 1, 1), two_sided="viewer"), colours=greys)
         camera = Camera.framing(self.mesh, aspect=4 / 3)
+        ahead = DirectionalLight(direction=camera.axes()[2].tolist(), intensity=(0.4 * math.pi,) * 3)
+        lights = AmbientLight(intensity=(0.6, 0.6, 0.6)), ahead
+        scene = Scene((Object(shape),), lights, background=(0.05, 0.05, 0.05))
         return render(scene, camera, Settings(width=480, height=360, samples=4), layers=False)._repr_png_()
 
     @property
@@ -205,6 +220,7 @@ class PointValues(NamedTuple):
     rays_skipped: dict[str, int]
     calibration: Calibration | None = None
     others: tuple[Float64s, ...] = ()  # w and its standard error (k, j) by j falloffs more, if there are any
+    in_sight: Float64s | None = None  # (k,), by which they count in root mean squares; None: alike
 
     @classmethod
     def of(cls, columns: Sequence[Estimate], hidden: int, rays: int, displaced: AnyFloats | float = 0.0) -> PointValues:
@@ -228,6 +244,11 @@ class PointValues(NamedTuple):
             estimate.calibration,
             further,
         )
+
+
+def rms(values: Float64s, weights: Float64s) -> float:
+    """Root mean square of values (k,) by weights (k,), 0 where these are."""
+    return float(np.sqrt(weights @ values**2 / max(weights.sum(), 1e-300)))
 
 
 class BakedElements(NamedTuple):
@@ -264,6 +285,8 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
     # Root mean squares over the elements asked for, and rays not traced, by reason.
     errors = [error, *(column for table in spread[1:] for column in table.T)]
     rmses = tuple(float(np.sqrt(np.sum(column**2) / max(wanted, 1))) for column in errors)
+    if values.in_sight is not None:
+        rmses = (rms(values.error, values.in_sight),)
     elements_skipped = {
         "duplicate": int(np.count_nonzero(point >= 0)) - len(normals),
         "no_normal": int(np.count_nonzero(flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),

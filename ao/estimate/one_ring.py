@@ -1,16 +1,17 @@
 """The one-ring of every point, the points joined to it by an edge, and means over it that stop at creases."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from obscurance.raytrace.kernel.arrays import aligned
+from obscurance.raytrace.kernel.jit import kernel
 from obscurance.raytrace.kernel.simd import WIDE, load_row, load_short_row, multiply_add, select, store_short_row
 from obscurance.raytrace.system.parallel import each, parallel
 from obscurance.raytrace.system.threads import run_blocks
-from obscurance.raytrace.types import AnyInts, Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
+from obscurance.raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
 
 Block = Callable[[int, int], None]
 _NOTHING = np.float32(1e-6)  # of weight
@@ -74,15 +75,28 @@ class Neighbours:
             return self
         row_of_point = np.full(len(self.starts) - 1, -1, np.int32)
         row_of_point[point_rows] = np.arange(len(point_rows), dtype=np.int32)
-        counts = np.diff(self.starts)[point_rows]
-        before = np.cumsum(counts) - counts
-        owner = np.repeat(np.arange(len(point_rows)), counts)
-        entries = np.arange(len(owner)) + (self.starts[point_rows] - before)[owner]
-        indices = row_of_point[self.indices[entries]]
-        inside = indices >= 0
         starts = np.zeros(len(point_rows) + 1, np.int64)
-        np.cumsum(np.bincount(owner[inside], minlength=len(point_rows)), out=starts[1:])
-        return type(self)(starts, indices[inside], self.weights[entries[inside]], self.threads)
+        _pick.on(self.threads)(point_rows, self.ring, row_of_point, starts[1:], None)
+        np.cumsum(starts, out=starts)
+        picked = np.empty(starts[-1], np.int32), np.empty(starts[-1], np.float32)
+        _pick.on(self.threads)(point_rows, self.ring, row_of_point, starts[:-1], picked)
+        return type(self)(starts, *picked, self.threads)
+
+    def blocks(self, size: int, edges: int) -> Iterator["PointBlock"]:
+        """All the points, about `size` at once, with those at most so many `edges` away."""
+        count = len(self.starts) - 1
+        blocks = max(round(count / size), 1)
+        if blocks == 1:
+            yield PointBlock(np.arange(count), slice(None), slice(None), self)
+            return
+        for block in range(blocks):
+            start, stop = count * block // blocks, count * (block + 1) // blocks
+            is_near = np.zeros(count, np.bool_)
+            is_near[start:stop] = True
+            _reach(self.starts, self.indices, np.arange(start, stop), edges, is_near)
+            rows = np.flatnonzero(is_near)
+            first = int(np.searchsorted(rows, start))
+            yield PointBlock(rows, slice(start, stop), slice(first, first + stop - start), self.among(rows))
 
     @property
     def ring(self) -> tuple[Int64s, Int32s, Float32s]:
@@ -129,6 +143,53 @@ class Neighbours:
 
         run_blocks(len(out), _BLOCK, run, min(self.threads, len(out) // _BLOCK or 1), most=_MOST)
         return out
+
+
+class PointBlock(NamedTuple):
+    """Points that follow one another, and those around them."""
+
+    rows: Int64s  # (j,), ascending, of them all
+    of_all: slice  # the points among all points
+    of_rows: slice  # and among `rows`
+    neighbours: Neighbours  # of `rows` among one another
+
+
+@each("rows")
+def _pick(
+    k: int,
+    rows: Int64s,
+    ring: tuple[Int64s, Int32s, Float32s],
+    row_of_point: Int32s,
+    places: Int64s,
+    picked: tuple[Int32s, Float32s] | None,
+) -> None:
+    """Write the neighbours of a point that have a row, and their weights, from places[k] on, or count them: places[k],
+    without `picked`."""
+    starts, indices, weights = ring
+    count = 0
+    for entry in range(starts[rows[k]], starts[rows[k] + 1]):
+        row = row_of_point[indices[entry]]
+        if row >= 0:
+            if picked is not None:
+                picked[0][places[k] + count], picked[1][places[k] + count] = row, weights[entry]
+            count += 1
+    if picked is None:
+        places[k] = count
+
+
+@kernel
+def _reach(starts: Int64s, indices: Int32s, front: Int64s, edges: int, is_near: Bools) -> None:
+    """Mark the points at most so many `edges` from those in `front`, which are marked."""
+    for _ in range(edges):
+        reached = np.empty(len(is_near), np.int64)
+        count = 0
+        for i in front:
+            for k in range(starts[i], starts[i + 1]):
+                if not is_near[indices[k]]:
+                    is_near[indices[k]] = True
+                    reached[count] = indices[k]
+                    count += 1
+        front = reached[:count].copy()
 
 
 @parallel("places", alone=True)

@@ -6,7 +6,7 @@ error. So probes are a stratified sample with optimum allocation (Neyman 1934): 
 others over those where the largest errors are expected.
 """
 
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class Copies:
     Attributes:
         points: of the sites. elsewhere: whether their places are drawn from all of each site.
         rays: (j,). worth: (j,), n^RATE of n rays in one lattice.
-        gathered: (j, COLUMNS) by each falloff, float32, or float64 of one round.
+        gathered: (j, COLUMNS) by each falloff, float32, or float64 of one round that is not denoised.
     """
 
     def __init__(self, tracer: Tracer, points: Points, elsewhere: bool = False) -> None:
@@ -48,13 +48,15 @@ class Copies:
         self.gathered: list[AnyFloats] = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
 
     @classmethod
-    def of_one_round(cls, tracer: Tracer, points: Points, rays: int, key: np.uint32) -> Self:
-        """As many `rays` at every site, once."""
+    def of_one_round(
+        cls, tracer: Tracer, points: Points, rays: int, key: np.uint32, dtype: type[np.floating[Any]]
+    ) -> Self:
+        """As many `rays` at every site, once. Args: dtype: of `gathered`."""
         copies = cls(tracer, points)
         rows = tracer.gather(points, rays, key)
-        copies.gathered = [np.ascontiguousarray(rows[:, column]) for column in range(tracer.columns)]
-        copies.rays += rays
-        copies.worth += float(rays) ** RATE
+        copies.gathered = [np.ascontiguousarray(rows[:, column], dtype) for column in range(tracer.columns)]
+        copies.rays = np.broadcast_to(np.int64(rays), len(points))
+        copies.worth = np.broadcast_to(float(rays) ** RATE, len(points))
         return copies
 
     def add(self, more: Int64s, key: np.uint32, shared: bool = False) -> None:

@@ -75,18 +75,17 @@ class Round(NamedTuple):
         """The estimate by the rays of `own` (k,), its errors not yet scaled. Args: deciding: how much is denoised."""
         gathered = own.gathered[column][sites.traced]
         checks = deciding.checks(sites, column)
-        raw = gathered[:, W].astype(np.float64)
-        level = checks.level(gathered[:, W], own.worth[sites.traced])
+        raw = gathered[:, W]
+        level = checks.level(raw, own.worth[sites.traced])
         if len(raw) and not gathered[:, BATCH_VARIANCE].any() and (raw == raw[0]).all():
             level = min(level, float(own.rays.sum()) ** -2.0)  # of n rays that agree, the next may not (Laplace)
-        variance = shrunk_to_mean(distribute_variance(gathered[:, BATCH_VARIANCE].astype(np.float64), level))
-        w, error = raw, variance
         if denoise:
-            single = gathered.astype(np.float32, copy=False)
             w, error = denoise_over_scales(
-                sites.graph, sites.traced_points, single, level, checks.rows, checks.mean_squared
+                sites.graph, sites.traced_points, gathered, level, checks.rows, checks.mean_squared
             )
-            _leave_out_harm(sites, checks, raw, variance, w, error)
+            _leave_out_harm(sites, checks, gathered, level, w, error)
+        else:
+            w, error = raw.astype(np.float64), _alone(gathered, level)
         return cls(column, sites, gathered, level, w, sites.errors_at_all(error, w))
 
     def calibrated(self, measuring: Probes) -> Self:
@@ -135,22 +134,30 @@ class Round(NamedTuple):
         return Estimate(values, self.error, most, most * count - int(rays.sum()), self.calibration)
 
 
+def _alone(gathered: AnyFloats, level: float) -> Float64s:
+    """Squared errors (b,) expected of rows `gathered` (b, COLUMNS), not denoised, of the mean `level`."""
+    return shrunk_to_mean(distribute_variance(gathered[:, BATCH_VARIANCE].astype(np.float64), level))
+
+
 def _leave_out_harm(
-    sites: Sites, checks: Checks, raw: Float64s, variance: Float64s, w: Float64s, error: Float64s
+    sites: Sites, checks: Checks, gathered: AnyFloats, level: float, w: Float64s, error: Float64s
 ) -> None:
-    """Give raw values back, in place, to the kinds of sites of which denoising is measured to do harm."""
+    """Give values as `gathered` back, in place, to the kinds of sites of which denoising is measured to do no good."""
     kinds = sites.kinds[sites.traced]
-    gain = checks.weight * (checks.squared(raw[checks.rows]) - checks.squared(w[checks.rows]))
+    raw = gathered[checks.rows, W].astype(np.float64)
+    gain = checks.weight * (checks.squared(raw) - checks.squared(w[checks.rows]))
     for kind in range(PREDICTED):
-        if float(np.sum(gain[kinds[checks.rows] == kind])) < 0:
-            w[kinds == kind], error[kinds == kind] = raw[kinds == kind], variance[kinds == kind]
+        probed = gain[kinds[checks.rows] == kind]
+        if len(probed) and float(np.sum(probed)) <= 0:
+            w[kinds == kind] = gathered[kinds == kind, W]
+            error[kinds == kind] = _alone(gathered, level)[kinds == kind]
 
 
 def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint32) -> tuple[list[Round], Int64s]:
     """The estimates by so many `rays` of every site, one for each falloff; and the rays of each."""
     wanted = min(len(sites), max(_CHECKED_LEAST, len(sites) // _CHECKED))
     tracer.expected = tracer.rays + rays * (len(sites) + 2 * wanted)
-    own = Copies.of_one_round(tracer, sites.points, rays, key)
+    own = Copies.of_one_round(tracer, sites.points, rays, key, np.float32 if denoise else np.float64)
     sets = _sets_of_probes(tracer, sites, (wanted, 0.0), rays, key)
     return _rounds(own, sites, sets, denoise), own.rays
 

@@ -94,8 +94,9 @@ def denoise_over_scales(
     some = detail.at(checked)
     by_amount = [some.shrunk(np.array([amount]), 1)[:, 0].astype(np.float64) for amount in _AMOUNTS]
     amount = _AMOUNTS[min(range(len(_AMOUNTS)), key=lambda column: risk(by_amount[column]))]
-    w, error = np.ascontiguousarray(detail.shrunk(np.array([amount]), threads).T, np.float64)
-    return w, shrunk_to_mean(error)
+    shrunk = detail.shrunk(np.array([amount]), threads)
+    del finest, detail
+    return shrunk[:, 0].astype(np.float64), shrunk_to_mean(shrunk[:, 1].astype(np.float64))
 
 
 def _mean_variance(gathered: Float32s) -> float:

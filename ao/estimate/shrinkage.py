@@ -17,17 +17,20 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from obscurance.raytrace.kernel.jit import inline
 from obscurance.raytrace.kernel.simd import SHORT, WIDE, load_short_row, store_short_row
-from obscurance.raytrace.kernel.vector import add, cross, dot, load, scale, store
+from obscurance.raytrace.kernel.vector import add, cross, dot, load, scale
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.types import Float32Rows, Float32s, Float64Grid, Float64s, Int32s, Int64s
 
 from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, BENT, W
 from .calibration import shrunk_to_mean, variance_line
-from .one_ring import Neighbours
+from .one_ring import Neighbours, PointBlock
 
 _REACH = 4  # edges over which squared residuals are averaged
+_COMPARED = 5  # edges from which estimates have a say in a prediction by means
+_BLOCK = 1 << 17  # points of which surroundings are in memory at once
 _FIT_REACH = 4  # and over which corrections are fitted; three for the spread between batches and what is closed around
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
@@ -58,8 +61,8 @@ class _Fields(NamedTuple):
     spread: Float32s  # between the batches of the points around
     unlike: Float32Rows  # differences from the neighbours: of the surroundings, of leaning and of rise
     prediction: Float32s  # of w by the neighbours, NaN without any
-    residual: Float32s  # of w from its prediction, 0 without any
-    excess: Float32s  # the residual's square less the variance
+    residual: Float32s  # of w from its prediction by means
+    excess: Float32s  # the square of what w differs by from its prediction, less the variance
     weight: Float32s  # of residuals in fits
     part: Float32s  # of each estimate in its own prediction
 
@@ -70,42 +73,39 @@ def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: f
     Where all rays around a point agree, nothing is shrunk. Args: gathered: (k, COLUMNS), of `Tracer.gather`. level:
         mean square error of w in it.
     """
-    at = _empty(_Fields, len(points))
-    around = np.zeros((len(points), SHORT), np.float32)
-    spare = np.empty_like(around)
-    _compare_with_neighbours(neighbours, points, gathered, level, at, around, spare)
-    coefficients, size = _ridge_regression(at, neighbours.threads)
-    _normal_equations.on(neighbours.threads)(coefficients, size, at, around)
-    shape = shape_of(neighbours, points)
-    neighbours.smooth(around, _FIT_REACH, spare, lambda moments: _local_fits.for_rows(shape, moments, at))
-    del around, spare
-    w, error = np.empty((2, len(points)))
+    threads, shape, at = neighbours.threads, shape_of(neighbours, points), _empty(_Fields, len(points))
+    for block in neighbours.blocks(_BLOCK, _COMPARED):
+        _compare_with_neighbours(block, points.normals, gathered, shape, at)
+    line = variance_line(float(np.mean(at.spread, dtype=np.float64)) if len(points) else 0.0, level)
+    _weigh.on(threads)(line, at.spread, at.variance, at.weight)
+    fit = _ridge_regression(at, threads)
+    for block in neighbours.blocks(_BLOCK, _FIT_REACH):
+        moments = np.empty((len(block.rows), SHORT), np.float32)
+        _normal_equations.on(threads)(block.rows, fit, at, moments)
+        moments = block.neighbours.smooth(moments, _FIT_REACH)[block.of_rows]
+        _local_fits.on(threads)(block.of_all.start or 0, fit, shape, moments, at)
+    w, error = np.empty(len(points)), np.empty(len(points))
     neighbours.smooth(at.excess, _REACH, then=lambda beyond: _shrink.for_rows(gathered, beyond, at, w, error))
     return w, shrunk_to_mean(error)
 
 
 def _compare_with_neighbours(
-    neighbours: Neighbours,
-    points: Points,
-    gathered: Float32s,
-    level: float,
-    at: _Fields,
-    around: Float32s,
-    spare: Float32s,
+    block: PointBlock, all_normals: Float32s, all_gathered: Float32s, all_shapes: _Shape, out: _Fields
 ) -> None:
-    """Fill in all fields of points but `excess` and `part`, predictions by means alone.
-
-    Args: around, spare: (k, SHORT), overwritten: columns of means over ever wider surroundings.
-    """
-    means, normals, shape = neighbours.means, points.normals, shape_of(neighbours, points)
-    _begin.on(neighbours.threads)(gathered, normals, at, around)
-    near = means(around, _OTHERS, spare, lambda mean: _compare.for_rows(shape, around, mean, at))
+    """Fill in the fields of a block's points but `variance`, `excess` and `part`: predictions by means alone, and as
+    `weight` the mean squared residual around."""
+    rows, neighbours = block.rows, block.neighbours
+    means, normals, shape = neighbours.means, all_normals[rows], _Shape(*(column[rows] for column in all_shapes))
+    at, around = _empty(_Fields, len(rows)), np.zeros((len(rows), SHORT), np.float32)
+    _begin.on(neighbours.threads)(all_gathered[rows], normals, at, around)
+    near = means(around, _OTHERS, then=lambda mean: _compare.for_rows(shape, around, mean, at))
     wide = means(near, 1.0, around, lambda wide: _compare_wide.for_rows(shape, near, wide, at))
     wider = means(wide, 1.0, near)
-    line = variance_line(float(np.mean(wider[:, _SPREAD], dtype=np.float64)) if len(points) else 0.0, level)
-    leaning = np.empty(len(points), np.float32)
-    means(wider, _ROUGHNESS, wide, lambda widest: _lean.for_rows(wider, widest, line, normals, at, leaning))
+    leaning = np.empty(len(rows), np.float32)
+    means(wider, _ROUGHNESS, wide, lambda widest: _lean.for_rows(wider, widest, normals, at, leaning))
     means(leaning, 0.0, then=lambda mean: _compare_leaning.for_rows(leaning, mean, at))
+    for name in ("w", "spread", "unlike", "prediction", "residual", "weight"):
+        getattr(out, name)[block.of_all] = getattr(at, name)[block.of_rows]
 
 
 def _empty(kind: Callable[..., Named], count: int) -> Named:
@@ -196,25 +196,30 @@ def _lean(
     i: int,
     wider: Float32Rows,
     widest: Float32Rows,
-    line: tuple[float, float],
     normals: Float32Rows,
     at: _Fields,
     leaning: Float32s,
 ) -> None:
-    """Fill in the dot product of each normal and the mean closed direction around, `leaning`; `variance`, `spread` and
-    `weight` of the prediction."""
-    slope, at_zero = line
+    """Fill in the dot product of each normal and the mean closed direction around, `leaning`; `spread`, and the mean
+    squared residual as `weight`."""
     leaning[i] = dot(load(widest, i), load(normals, i))
     at.spread[i] = wider[i, _SPREAD]
-    at.variance[i] = slope * wider[i, _SPREAD] + at_zero
-    squared = widest[i, _SQUARED]
-    at.weight[i] = 1.0 / max(at.variance[i] if np.isnan(squared) else max(at.variance[i], squared), 1e-12)
+    at.weight[i] = widest[i, _SQUARED]
 
 
 @each("leaning")
 def _compare_leaning(i: int, leaning: Float32s, mean: Float32s, at: _Fields) -> None:
     """Write how far each point's `leaning` is from the mean of its neighbours'."""
     at.unlike[i, 1] = 0.0 if np.isnan(at.prediction[i]) else leaning[i] - mean[i]
+
+
+@each("weight")
+def _weigh(i: int, line: tuple[float, float], spread: Float32s, variance: Float32s, weight: Float32s) -> None:
+    """Fill in `variance`, and the `weight` of residuals, which is their mean square around before."""
+    slope, at_zero = line
+    variance[i] = slope * spread[i] + at_zero
+    squared = weight[i]
+    weight[i] = 1.0 / max(variance[i] if np.isnan(squared) else max(variance[i], squared), 1e-12)
 
 
 def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
@@ -246,45 +251,58 @@ def _sum_moments(part: int, at: _Fields, parts: Float64Grid) -> None:
 
 
 @each("out")
-def _normal_equations(i: int, coefficients: Float64s, size: Float64s, at: _Fields, out: Float32Rows) -> None:
-    """The moments of least squares around a point, of what the `coefficients` leave, in columns scaled by `size`."""
-    u, c = load(at.unlike, i), coefficients
-    everywhere = u[0] * c[0] + u[2] * c[2] + u[1] * c[1]
-    target = at.residual[i] - everywhere
-    at.prediction[i] += everywhere
-    a = u[0] / size[0]
-    b = u[1] / size[1]
-    c = u[2] / size[2]
-    store(at.unlike, i, (a, b, c))
+def _normal_equations(k: int, rows: Int64s, fit: tuple[Float64s, Float64s], at: _Fields, out: Float32Rows) -> None:
+    """The moments of least squares around a point, of what the coefficients of the `fit` leave, in columns scaled by
+    its sizes."""
+    (coefficients, size), i = fit, rows[k]
+    u = load(at.unlike, i)
+    target = at.residual[i] - _everywhere(u, coefficients)
+    a, b, c = u[0] / size[0], u[1] / size[1], u[2] / size[2]
     values = a * a, a * b, a * c, b * b, b * c, c * c, a * target, b * target, c * target
-    for k in range(SHORT):
-        out[i, k] = at.weight[i] * values[k]
+    for column in range(SHORT):
+        out[k, column] = at.weight[i] * values[column]
 
 
 @each("moments")
-def _local_fits(i: int, shape: _Shape, moments: Float32Rows, at: _Fields) -> None:
-    """Correct predictions by fits around each point, shrunk to 0 as if typical surroundings came to 0."""
-    m = moments[i]
+def _local_fits(
+    k: int, first: int, fit: tuple[Float64s, Float64s], shape: _Shape, moments: Float32Rows, at: _Fields
+) -> None:
+    """Correct predictions by the fit to all points and by one around each, shrunk to 0 as if typical surroundings came
+    to 0; of points from the `first` on."""
+    (coefficients, size), i, m = fit, first + k, moments[k]
     x = (1.0 + m[0], m[1], m[2])
     y = (m[1], 1.0 + m[3], m[4])
     z = (m[2], m[4], 1.0 + m[5])
     yz, zx, xy = cross(y, z), cross(z, x), cross(x, y)  # columns of the inverse, times the determinant
-    row = load(at.unlike, i)
+    u = load(at.unlike, i)
+    row = np.float32(u[0] / size[0]), np.float32(u[1] / size[1]), np.float32(u[2] / size[2])
     determinant = dot(x, yz)
     solved = add(add(scale(row[0], yz), scale(row[1], zx)), scale(row[2], xy))
+    at.prediction[i] += _everywhere(u, coefficients)
     at.prediction[i] += dot(solved, (m[6], m[7], m[8])) / determinant
     share = shape.self_weight[i]
     share *= (1.0 + share) / 2.0  # about, of four rounds of `smooth`, for valences from 1 to 8
     at.part[i] = min(dot(solved, row) / determinant * at.weight[i] * share, 0.5)
-    at.residual[i] = 0.0 if np.isnan(at.prediction[i]) else at.w[i] - at.prediction[i]
-    at.excess[i] = at.residual[i] ** 2 - at.variance[i]
+    at.excess[i] = _residual(at, i) ** 2 - at.variance[i]
+
+
+@inline
+def _everywhere(u, coefficients):
+    """The correction by the fit to all points."""
+    return u[0] * coefficients[0] + u[2] * coefficients[2] + u[1] * coefficients[1]
+
+
+@inline
+def _residual(at, i):
+    """What the estimate differs by from its prediction, 0 without any."""
+    return np.float32(0.0) if np.isnan(at.prediction[i]) else at.w[i] - at.prediction[i]
 
 
 @each("w")
 def _shrink(i: int, gathered: Float32Rows, beyond: Float32s, at: _Fields, w: Float64s, errors: Float64s) -> None:
     """Write w, shrunk, and the mean square errors expected."""
     variance = np.float64(at.variance[i])
-    residual = np.float64(at.residual[i])
+    residual = np.float64(_residual(at, i))
     error = max(max(beyond[i], residual * residual - _OUTLIER * variance), 0.01 * variance)
     usable = not np.isnan(at.prediction[i]) and variance > 0.0 and at.spread[i] > 0.0
     share = variance / (variance + error) if usable else 0.0

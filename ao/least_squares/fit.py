@@ -45,6 +45,7 @@ class Problem:
     halves: tuple[NormalEquations, NormalEquations]  # of the samples, independent
     smoothness: Float64s  # (z,), of R
     laplacian: Float64s  # (m,), weights of the faces in `add_laplacian`
+    areas: Float64s  # (n,), the share of the surface around each unknown
     bent: Float64s  # (3, n), right sides of other fits, of all samples
     threads: int
     number: Int64s  # (n,), of each of the patch's unknowns: by their faces, so that those that meet are near
@@ -72,6 +73,7 @@ class Fit(NamedTuple):
     w: Float64s  # (k,)
     error: Float64s  # (k,), standard errors
     bent: Float64s  # (k, 3), mean of μ·direction
+    in_sight: Float64s  # (k,), the part of the surface around each that is, from 0 to 1
 
 
 def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Problem, Problem]:
@@ -104,7 +106,8 @@ def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:
     data = even.values + odd.values
     threads = problem.threads
     squared = (np.clip(of_even, 0, 1) - np.clip(of_odd, 0, 1)) ** 2 / 4
-    variance = _local_mean(problem.stencil, data, squared, threads)
+    area = multiply(problem.stencil.matrix(data), np.ones(len(squared)), threads)
+    variance = _local_mean(problem.stencil, data, squared, area, threads)
 
     # The fit to all samples, of 1 − w and of bent normals.
     right = even.right + odd.right
@@ -121,7 +124,8 @@ def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:
     relaxed = cached("relaxed", lambda: solve_within(matrix, right, closed, COARSE, threads))
     w = 1 - closed
     error = np.sqrt(variance + (closed - relaxed) ** 2)
-    return Fit(w[problem.number], error[problem.number], bent.reshape(3, -1).T[problem.number])
+    in_sight = np.minimum(area / np.maximum(problem.areas, 1e-300), 1.0)
+    return Fit(*(values[problem.number] for values in (w, error, bent.reshape(3, -1).T, in_sight)))
 
 
 def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:
@@ -142,7 +146,9 @@ def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads
     odd = _normal_equations(stencil, moments[:, HALF:BENT])
     bent = np.stack([right_side(stencil, moments[:, a : a + 3]) for a in range(BENT, MOMENTS, 3)])
     smoothness = stencil.sum(add_jumps, hinges, patch.corners, patch.areas)
-    return Problem(stencil, (even, odd), smoothness, laplacian, bent, threads, number)
+    shares = np.repeat(patch.areas * patch.cover / 3, 3)
+    areas = np.bincount(face_points.ravel(), shares / max(float(shares.sum()), 1e-300), patch.unknowns)
+    return Problem(stencil, (even, odd), smoothness, laplacian, areas, bent, threads, number)
 
 
 def _normal_equations(stencil: Stencil, moments: Float64s) -> NormalEquations:
@@ -157,13 +163,12 @@ def _constant_fit(problem: Problem) -> Float64s:
     return np.full(problem.bent.shape[1], right / max(sum(half.values.sum() for half in problem.halves), 1e-300))
 
 
-def _local_mean(stencil: Stencil, data: Float64s, values: Float64s, threads: int) -> Float64s:
-    """Means of `values` (k,) over each vertex and its neighbours, shrunk towards that of all by a tenth."""
-    weights = stencil.matrix(data)
-    mass = multiply(weights, np.ones(len(values)), threads)
-    sums = multiply(weights, values, threads)
-    local = np.where(mass > 0, sums / np.where(mass > 0, mass, 1.0), values)
-    return 0.9 * local + 0.1 * float(values[mass > 0].mean() if mass.any() else 0.0)
+def _local_mean(stencil: Stencil, data: Float64s, values: Float64s, area: Float64s, threads: int) -> Float64s:
+    """Means of `values` (k,) over each vertex, of an `area` (k,), and its neighbours, shrunk towards that of all by a
+    tenth."""
+    sums = multiply(stencil.matrix(data), values, threads)
+    local = np.where(area > 0, sums / np.where(area > 0, area, 1.0), values)
+    return 0.9 * local + 0.1 * float(values[area > 0].mean() if area.any() else 0.0)
 
 
 def cross_validated(problem: Problem, start: Float64s) -> tuple[float, list[Float64s]]:

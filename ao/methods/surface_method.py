@@ -13,7 +13,7 @@ from ..least_squares.face_moments import BELOW, TRACED
 from ..least_squares.fit import Fit, build_problems, fit_values
 from ..least_squares.patch import Patch, gather_moments
 from ..prepared import Prepared
-from ..result import PointValues
+from ..result import PointValues, rms
 
 _FIRST, _LEAST = 64, 1 << 20  # rays a vertex and in all, at least, to learn how many a tolerance needs
 _AIM = 0.8  # of the tolerance
@@ -32,8 +32,8 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
         rays = min(max(_FIRST * vertices, _LEAST), most)
     fit, counts = _fit(prepared, rays)
     while tolerance is not None and rays < most:
-        error = fit.error[receivers.of_vertex[requested.of_vertex >= 0]]
-        rmse = float(np.sqrt(np.sum(error**2) / max(len(error), 1)))
+        wanted = receivers.of_vertex[requested.first_vertex]
+        rmse = rms(fit.error[wanted], fit.in_sight[wanted])
         if rmse <= tolerance:
             break
         rays = min(int(rays * np.clip((rmse / (_AIM * tolerance)) ** 2, 2.0, 16.0)), most)
@@ -48,6 +48,7 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
         samples=rays // max(vertices, 1),
         rays=int(counts[TRACED]),
         rays_skipped={"below_face": int(counts[BELOW])},
+        in_sight=fit.in_sight[unknowns],
     )
 
 

@@ -99,7 +99,7 @@ def find_corner_samples(
     number = np.full(surface.faces.shape, len(face))
     number[face, corner] = np.arange(len(face))
     flattest = surface.flat[(number == len(face)).any(axis=1)].max(initial=0.0)  # of faces not all sampled
-    extent = surface.extent[face]
+    extent = surface.extent[face].astype(np.float64)
     has_whole = (number[face] == len(face)).any(axis=1)  # beside the sampled corner, a corner that is not sampled
     least = np.where(has_whole, np.minimum(flattest, np.maximum(NEAR, extent)), 0.0)
     magnitude = np.maximum(np.maximum(extent, surface.flat[face]), least)

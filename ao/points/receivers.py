@@ -133,6 +133,7 @@ class OffsetPoints(NamedTuple):
         welded: the points. axes: float64 (k, 3), of hemispheres. origins: float64 (k, 3), of rays.
         usable: bool (k,), points that have a hemisphere.
         split: bool (k,), those whose faces share no hemisphere: folded or opposed.
+        displaced: float32 (k,), see `Receivers`.
         flags: uint8 (n,). tree: over the faces of `surface`. tree_seconds: how long it took to build.
     """
 
@@ -142,6 +143,7 @@ class OffsetPoints(NamedTuple):
     origins: Float64s
     usable: Bools
     split: Bools
+    displaced: Float32s
     flags: UInt8s
     tree: BVH16
     tree_seconds: float
@@ -187,7 +189,10 @@ def offset_points(
     special = np.where(usable, split | np.uint8(Flag.CONTACT) * ambiguous, np.uint8(Flag.DEGENERATE))
     flags = special[welded.group]
     flags[~corner_mask(faces, len(vertices))] = Flag.UNREFERENCED
-    return OffsetPoints(welded, surface, axes, origins, usable, usable & folded, flags, tree, tree_seconds)
+    is_split = usable & folded
+    displaced = np.minimum(np.float32(_DISPLACED) * welded.displacement(surface, origins), np.float32(0.5))
+    displaced[is_split] = 0.0
+    return OffsetPoints(welded, surface, axes, origins, usable, is_split, displaced, flags, tree, tree_seconds)
 
 
 def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") -> Receivers:
@@ -197,58 +202,83 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
         InputError: an image of its alpha cannot be read.
         MemoryLimitError: the corners of folded vertices would not fit into memory.
     """
-    own_axes = None
-    weighting: Weighting = "angle"
-    if normals == "file":
-        own_axes = own_vertex_normals(mesh)
-    elif normals == "up":
-        own_axes = np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(mesh.vertices), 1))
-    else:
-        weighting = normals
     curve = _Curve.through(placement.vertices, mesh.faces)
-    own_axes = None if own_axes is None else own_axes[curve.vertices]
+    own_axes, weighting = _given_axes(mesh, normals, curve.vertices)
     offset = offset_points(placement.vertices[curve.vertices], curve.faces, weighting, own_axes, normals == "file")
-    points, usable, index = _compacted(offset)
-    # What rays meet: faces in the order of the mesh.
-    faces, number = mesh.faces, curve.order
-    opacity = mesh.opacity.packed() if mesh.opacity else None
-    if len(offset.welded.faces) < len(faces):
-        with_area = face_normals(placement.vertices.astype(np.float64), faces)[1] > 0
-        faces = faces[with_area]
-        number = (np.cumsum(with_area) - 1)[number[with_area[number]]]
-        opacity = opacity and opacity.only(with_area)
+    usable, index = _numbered(offset)
+    met = _FacesMet.of(mesh, placement, curve.order, offset.welded.backwards)
+    # What is known of points beside their places, and of vertices.
+    fronts = np.zeros((0, 3), np.float32)
+    surface_normals = None
     if own_axes is not None:
-        fronts = _fronts(offset, None if opacity is None else opacity.of[number] >= 0)[usable]
-        points.fronts = fronts if fronts.any() else points.fronts
-    surface_normals = points.normals
-    if normals == "file" and own_axes is not None:
+        found = _fronts(offset, None if met.opacity is None else met.opacity.of[met.number] >= 0)[usable]
+        fronts = found if found.any() else fronts
+    if normals == "up":
+        surface_normals = np.zeros((len(usable), 3), np.float32)
+    elif normals == "file" and own_axes is not None:
         surface_normals = offset.welded.axes[usable].astype(np.float32)
-    elif normals == "up":
-        surface_normals = np.zeros_like(points.normals)
-    # How far rays start from the surface.
-    welded, surface, tree = offset.welded, offset.surface, offset.tree
-    displaced = np.minimum(_DISPLACED * welded.displacement(surface, offset.origins), 0.5).astype(np.float32)
-    displaced[offset.split] = 0.0
-    displaced = displaced[usable]
-    # Samples of corners where faces share no hemisphere, once what points were found by is let go.
-    of_vertex, flags = index[welded.group][curve.place], offset.flags[curve.place]
-    tree_seconds, face_points, backwards = offset.tree_seconds, welded.face_points, welded.backwards
-    split = np.flatnonzero(offset.split[face_points]) if offset.split.any() else np.zeros(0, np.int64)
-    corner_points = face_points.ravel()[split]
-    axes = None if own_axes is None else offset.axes[corner_points]
-    del offset, welded, usable
-    corners = CornerSamples.none()
-    if len(split):
-        check_memory(mesh.source, corner_bytes(len(split)), f"for the {len(split):,} corners of folded vertices")
-        corners = find_corner_samples(tree, surface, split, index[corner_points], len(points), axes)
-    tree = tree._replace(leaf_faces=np.append(number, -1).astype(np.int32)[tree.leaf_faces])
-    is_backwards = np.zeros(len(faces), np.bool_)
-    is_backwards[number[backwards]] = True
-    embree = cache(partial(TriangleScene, placement.vertices, faces))
+    displaced, flags = offset.displaced[usable], offset.flags[curve.place]
+    corners = _corner_samples(mesh, offset, index, len(usable), own_axes is not None)
+    # What points were found by is let go before they are copied.
+    places, of_all = (offset.surface.vertices, offset.welded.first_vertex), (offset.origins, offset.axes)
+    group, place, tree, tree_seconds = offset.welded.group, curve.place, offset.tree, offset.tree_seconds
+    del curve, own_axes, offset
+    points = replace(_compacted(usable, places, of_all), fronts=fronts)
+    del places, of_all, usable
+    of_vertex = index[group][place]
+    tree = tree._replace(leaf_faces=np.append(met.number, -1).astype(np.int32)[tree.leaf_faces])
     return Receivers(
-        points, corners, of_vertex, flags, faces, is_backwards, tree, tree_seconds, displaced, embree, opacity,
-        surface_normals,
+        points, corners, of_vertex, flags, met.faces, met.backwards, tree, tree_seconds, displaced,
+        cache(partial(TriangleScene, placement.vertices, met.faces)), met.opacity,
+        points.normals if surface_normals is None else surface_normals,
     )  # fmt: skip
+
+
+def _given_axes(mesh: Mesh, normals: Normals, order: Int32s) -> tuple[Float64s | None, Weighting]:
+    """The axes (n, 3) that are given for vertices in some `order` (n,), None if the faces' normals are to give them,
+    and how these are weighted."""
+    if normals == "file":
+        own = own_vertex_normals(mesh)
+        return None if own is None else own[order], "angle"
+    if normals == "up":
+        return np.tile(np.asarray(UP[up_axis(mesh)], np.float64), (len(order), 1)), "angle"
+    return None, normals
+
+
+class _FacesMet(NamedTuple):
+    """The m' faces that rays meet, those of a mesh that are not degenerate, in its order."""
+
+    faces: Int64s  # (m', 3)
+    backwards: Bools  # (m',)
+    opacity: PackedOpacity | None
+    number: Int64s | Int32s  # (m',), which of them each face of the points is
+
+    @classmethod
+    def of(cls, mesh: Mesh, placement: Placement, order: Int32s, backwards: Bools) -> Self:
+        """Args: order: (m,), of the faces along the curve. backwards: (m',), of those of the points."""
+        faces, number = mesh.faces, order
+        opacity = mesh.opacity.packed() if mesh.opacity else None
+        if len(backwards) < len(faces):
+            with_area = face_normals(placement.vertices.astype(np.float64), faces)[1] > 0
+            faces = faces[with_area]
+            number = (np.cumsum(with_area) - 1)[order[with_area[order]]]
+            opacity = opacity and opacity.only(with_area)
+        is_backwards = np.zeros(len(faces), np.bool_)
+        is_backwards[number[backwards]] = True
+        return cls(faces, is_backwards, opacity, number)
+
+
+def _corner_samples(mesh: Mesh, offset: OffsetPoints, index: Int64s, count: int, own_axes: bool) -> CornerSamples:
+    """Samples of corners where faces share no hemisphere. Args: index, count: of `_numbered`. own_axes: whether axes
+    are given. Raises: MemoryLimitError."""
+    if not offset.split.any():
+        return CornerSamples.none()
+    face_points = offset.welded.face_points
+    corners = np.flatnonzero(offset.split[face_points])
+    points = face_points.ravel()[corners]
+    check_memory(mesh.source, corner_bytes(len(corners)), f"for the {len(corners):,} corners of folded vertices")
+    axes = offset.axes[points] if own_axes else None
+    return find_corner_samples(offset.tree, offset.surface, corners, index[points], count, axes)
 
 
 def _fronts(offset: OffsetPoints, has_alpha: Bools | None) -> Float32s:
@@ -309,18 +339,24 @@ def _renumber(k: int, faces: Int64Rows, order: Int32s, place: Int32s, along: Int
         along[k, corner] = place[faces[order[k], corner]]
 
 
-def _compacted(offset: OffsetPoints) -> tuple[Points, Int64s, Int64s]:
-    """The points that have a hemisphere, split ones last; which these are, and where each point is."""
+def _numbered(offset: OffsetPoints) -> tuple[Int64s, Int64s]:
+    """The rows (k',) of points that have a hemisphere, split ones last; and the number of each point (k,), −1 for
+    none."""
     usable = np.flatnonzero(offset.usable)
     if offset.split.any():
         usable = usable[np.argsort(offset.split[usable], kind="stable")]
     index = np.full(len(offset.usable), -1)
+    index[usable] = np.arange(len(usable))
+    return usable, index
+
+
+def _compacted(usable: Int64s, places: tuple[Float64s, Int64s], of_all: tuple[Float64s, Float64s]) -> Points:
+    """The usable points one after another. Arguments as of `_compact`."""
     origins = np.empty((len(usable), 3), np.float32)
     axes = np.empty((len(usable), 3), np.float32)
     lifts = np.empty((len(usable), 3), np.float32)
-    places = offset.surface.vertices, offset.welded.first_vertex
-    _compact(usable, places, (offset.origins, offset.axes), (origins, axes, lifts), index)
-    return Points(origins, axes, np.arange(len(usable), dtype=np.uint32), lifts), usable, index
+    _compact(usable, places, of_all, (origins, axes, lifts))
+    return Points(origins, axes, np.arange(len(usable), dtype=np.uint32), lifts)
 
 
 @each("usable")
@@ -330,15 +366,13 @@ def _compact(
     places: tuple[Float64Rows, Int64s],
     of_all: tuple[Float64Rows, Float64Rows],
     out: tuple[Float32Rows, Float32Rows, Float32Rows],
-    index: Int64s,
 ) -> None:
-    """Write the origins, axes and lifts of usable points one after another, and where each point's are into `index`.
+    """Write the origins, axes and lifts of usable points one after another.
 
     Args: places: vertices (n, 3), and the first vertex (k,) of each point. of_all: origins and axes (k, 3).
     """
     (vertices, first_vertex), (all_origins, all_axes), (origins, axes, lifts) = places, of_all, out
     point = usable[k]
-    index[point] = k
     for axis in range(3):
         origins[k, axis] = all_origins[point, axis]
         axes[k, axis] = all_axes[point, axis]

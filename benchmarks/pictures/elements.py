@@ -14,8 +14,9 @@ import trimesh
 from benchmarks import ROOT
 from benchmarks.pictures.half_distances import picture
 from obscurance import ao, scenes
-from obscurance.ao.methods.point_values import discs
+from obscurance.ao.points.discs import discs
 from obscurance.raytrace import AmbientLight, Camera, Lambert, Mesh, Object, PointLight, Scene, Shape, render
+from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.image.write import write_image
 from obscurance.raytrace.settings import Settings
 from obscurance.scenes.geometry.builtin_shapes import temple
@@ -24,7 +25,7 @@ from obscurance.scenes.geometry.polyhedra import RawMesh, join
 FOLDER = ROOT / "docs" / "gallery"
 VIEW = 0.7, -1.0, 0.3  # of `picture`, from the middle of the mesh
 SECTORS = 64  # of the shell, from −180° on
-COUNTS = 15_000, 250_000
+COUNTS = 40_000, 400_000
 RADII = 0.0, 0.15, 0.5
 
 
@@ -71,7 +72,8 @@ def cloud() -> list[np.ndarray]:
         w = ao.bake_points(None, points, normals, samples=256).w
         shape = discs(points, normals)[0]
         seen = Mesh(shape.vertices, shape.faces, up="z")
-        pictures.append(picture(seen, np.repeat(w, len(shape.vertices) // count), 0.8))
+        greys = decode_srgb(np.repeat(w, len(shape.vertices) // count))
+        pictures.append(picture(seen, greys, 0.8))
     return pictures
 
 

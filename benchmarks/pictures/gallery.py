@@ -31,7 +31,7 @@ MORE = {
         "both sides of an opened shell, and without what nobody sees",
         "obscurance prune engine.glb -o shell.glb",
     ),
-    "points": ("clouds of 15,000 and 250,000 points", "obscurance bake scan.ply -o scan-w.ply --points"),
+    "points": ("clouds of 40,000 and 400,000 points", "obscurance bake scan.ply -o scan-w.ply --points"),
 }
 """Strips of `benchmarks.pictures.elements`, and the command that makes such a thing."""
 HEAD = """\

@@ -20,10 +20,10 @@ from benchmarks.pictures.half_distances import picture
 from obscurance import ao
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.image.write import write_image
-from obscurance.scenes.formats.load import MeshFile
+from obscurance.scenes.asset.asset import Asset, Node
+from obscurance.scenes.asset.primitive import Primitive
 from obscurance.scenes.formats.objects import select_objects
 from obscurance.scenes.geometry.builtin_shapes import temple
-from obscurance.scenes.geometry.instances import Instance, flatten
 from obscurance.scenes.geometry.polyhedra import icosphere
 
 TURN = trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0))
@@ -45,8 +45,9 @@ def objects() -> list[np.ndarray]:
     ring = trimesh.creation.torus(0.8, 0.22, 96, 48).apply_translation((1.5, 0, 0.25))
     ball = icosphere(5)[0] * 0.8 + (-0.6, 0, 0.82), icosphere(5)[1]
     shapes = (plate.vertices, plate.faces), ball, (ring.vertices, ring.faces)
-    placed = [Instance(name, *shape, up="z") for name, shape in zip(("plate", "ball", "ring"), shapes, strict=True)]
-    source = MeshFile(Path("table.obj"), *flatten(placed, "table.obj"))
+    primitives = tuple(Primitive.of(vertices, np.ravel(faces)) for vertices, faces in shapes)
+    nodes = tuple(Node(name, (number,)) for number, name in enumerate(("plate", "ball", "ring")))
+    source = Asset(Path("table.obj"), primitives, nodes, up="z")
     chosen = [select_objects(source, *options) for options in OPTIONS]
     bakes = [ao.bake(each.mesh, samples=256, only=each.only) for each in chosen]
     return [picture(replace(each.mesh, opacity=None), each.w, 1.0) for each in bakes]

@@ -19,9 +19,9 @@ from obscurance import ao
 from obscurance.raytrace import AmbientLight, DirectionalLight, Scene, Settings, render
 from obscurance.raytrace.image.write import write_image
 from obscurance.raytrace.types import Float32s
+from obscurance.scenes.asset.asset import Asset
 from obscurance.scenes.description.description import framing
 from obscurance.scenes.description.gltf_scene import gltf_objects
-from obscurance.scenes.formats.load import MeshFile
 from obscurance.scenes.formats.write import write
 from obscurance.scenes.geometry.builtin_shapes import Temple
 
@@ -36,7 +36,7 @@ def pictures(folder: Path) -> tuple[list[Float32s], list[Float32s]]:
     """Three pictures (height, width, 3) of three.js, and three of ours."""
     mesh = Temple(fineness=0.05).geometry().mesh
     baked = ao.bake(mesh, samples=1024)
-    source = MeshFile.of(mesh)
+    source = Asset.of(mesh)
     files = [folder / f"{name}.glb" for name in FILES]
     for file, options in zip(files, FILES.values(), strict=True):
         write(file, baked, source, **options)

@@ -22,7 +22,8 @@ from obscurance.raytrace import Camera, Mesh, render
 from obscurance.raytrace.image.compare import compare
 from obscurance.raytrace.image.write import write_image
 from obscurance.raytrace.mesh.mesh import UP, up_axis
-from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.asset.asset import Asset
+from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.write import write
 from obscurance.scenes.geometry.builtin_shapes import temple
 from obscurance.scenes.show.look import FIELD_OF_VIEW, clay_scene, clay_settings
@@ -98,7 +99,7 @@ def take_pictures(folder: Path) -> None:
         opened(tab, both, "#mode=w&split=0.5&scheme=light", _SMALL)
         (folder / "two.png").write_bytes(tab.screenshot())
         report = Path(name) / "report.html"
-        write(Path(name) / "temple.ply", ao.bake(mesh, samples=1), MeshFile.of(mesh))
+        write(Path(name) / "temple.ply", ao.bake(mesh, samples=1), Asset.of(mesh))
         line = f"bake temple.ply -o w.npz --up z --tolerance 0.01 --quiet --report {report.name}"
         subprocess.run([sys.executable, ROOT / "cli.py", *line.split()], check=True, cwd=name)
         tab.open(report.as_uri(), 720, 900, dark=False)

@@ -16,10 +16,10 @@ from obscurance.raytrace import AmbientLight, Scene, Settings, render
 from obscurance.raytrace.image.write import write_image
 from obscurance.raytrace.types import Float32s
 from obscurance.scenes import unwrap
+from obscurance.scenes.asset.asset import Asset
 from obscurance.scenes.description.description import framing
 from obscurance.scenes.description.gltf_scene import gltf_objects
 from obscurance.scenes.formats.gltf.textured import textured_glb
-from obscurance.scenes.formats.load import MeshFile
 from obscurance.scenes.geometry.builtin_shapes import Temple
 
 TARGET = ROOT / "docs" / "textures" / "page.png"
@@ -32,7 +32,7 @@ def main() -> None:
     baked = ao.bake_texture(mesh, uv, PAGE, samples=256)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "temple.glb"
-        file.write_bytes(textured_glb(MeshFile.of(mesh), [baked])[0])
+        file.write_bytes(textured_glb(Asset.of(mesh), [baked])[0])
         objects, *_ = gltf_objects(file)
         scene = Scene(objects, (AmbientLight(intensity=(0.9,) * 3),), (0.2, 0.25, 0.3))
         picture = render(scene, framing(mesh, None, WIDTH, HEIGHT), Settings(WIDTH, HEIGHT)).layers["beauty"][..., :3]

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from ..kernel.arrays import counting_sort
-from ..kernel.jit import kernel
+from ..kernel.jit import inline, kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
 from ..system.parallel import each
-from ..types import Bools, Float32Rows, Float32s, Float64s, Int64Rows, Int64s
+from ..types import Bools, Float32Rows, Float32s, Float64s, Int64Rows, Int64s, UInt64s
 from .mesh import Mesh
 from .normals import face_normals
 from .placement import Placement
@@ -22,16 +21,16 @@ def closed_parts(vertices: Float32s, faces: Int64s, alone: bool = True) -> tuple
     volume is negative where faces look inwards.
     """
     representative = coincident(vertices, faces)
-    corners = representative[faces]
-    part = connected_components(corners, int(representative.max()) + 1)
+    count = int(representative.max()) + 1
+    corners = faces if count == len(vertices) else representative[faces]
+    part = connected_components(corners, count)
     of_face = part[corners[:, 0]]
     if not alone and (of_face == of_face[:1]).all():
         return part[representative], np.zeros(int(part.max()) + 1)
     volume = _volumes(vertices, faces, part[representative])
-    closed = np.ones(len(volume), np.bool_)
-    edges, starts = counting_sort(np.minimum(corners, corners[:, [1, 2, 0]]), len(part))
-    _strike_open(corners, edges, starts, part, closed)
-    return part[representative], np.where(closed, volume, 0.0)
+    sums = np.zeros(len(volume), np.uint64)
+    _sum_edges(corners, part, sums)
+    return part[representative], np.where(sums == 0, volume, 0.0)
 
 
 def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int, float]:
@@ -126,23 +125,22 @@ def _add_volumes(f: int, vertices: Float32Rows, faces: Int64Rows, volume: Float6
 
 
 @kernel
-def _strike_open(corners: Int64Rows, edges: Int64s, starts: Int64s, part: Int64s, closed: Bools) -> None:
-    """Unset `closed` of the parts (p,) that have an edge along which more faces run one way than the other.
+def _sum_edges(corners: Int64Rows, part: Int64s, sums: UInt64s) -> None:
+    """Add up hashes of the edges of each part (p,), negative ones of those that run downwards: 0 where as many run one
+    way as the other. Args: corners: (m, 3), of faces. part: (n,), of each vertex. sums: zeros."""
+    for f in range(len(corners)):
+        for k in range(3):
+            a, b = corners[f, k], corners[f, (k + 1) % 3]
+            hashed = _hashed(np.uint64(min(a, b)) << np.uint64(32) | np.uint64(max(a, b)))
+            if a < b:
+                sums[part[a]] += hashed
+            elif a > b:
+                sums[part[a]] -= hashed
 
-    Args:
-        corners: (m, 3), of faces.
-        edges: numbers 3 f + k, of the edges that begin at corners[f, k], in order of their lower end.
-        starts: edges[starts[i] : starts[i + 1]] have the lower end i.
-        part: (n,), of each vertex.
-    """
-    balance = np.zeros(len(part), np.int64)
-    for i in range(len(part)):
-        for edge in edges[starts[i] : starts[i + 1]]:
-            a = corners[edge // 3, edge % 3]
-            b = corners[edge // 3, (edge % 3 + 1) % 3]
-            balance[max(a, b)] += np.sign(b - a)
-        for edge in edges[starts[i] : starts[i + 1]]:
-            other = max(corners[edge // 3, edge % 3], corners[edge // 3, (edge % 3 + 1) % 3])
-            if balance[other] != 0:
-                closed[part[i]] = False
-                balance[other] = 0
+
+@inline
+def _hashed(x):
+    """A bijective hash, uint64 (Steele, Lea & Flood 2014, SplitMix)."""
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))

@@ -199,17 +199,17 @@ def outermost_normals(
     clearance (k,) of these: the smallest cosine to a face's normal.
 
     Only a normal behind a face is moved, see `_moved`. Directions are these, or, where these clear a face by `SHARP` or
-    less, others that clear all by more.
+    less, others that clear all by more. Where nothing is to be moved, both are the array `normals` itself.
 
     Args: normals: (k, 3), unit or zero. face_points: int64 (m, any), the rows of `normals` that each face counts for.
         face_normals: (m, 3), unit.
     """
-    moved = normals.copy()
-    directions = normals.copy()
+    moved = directions = normals
     clearance = least_cosines(normals, face_points, face_normals)
     is_sharp = clearance <= SHARP
     sharp = np.flatnonzero(is_sharp)
     if len(sharp):
+        moved, directions = normals.copy(), normals.copy()
         corners = np.flatnonzero(is_sharp[face_points])
         order, starts = counting_sort(np.searchsorted(sharp, face_points.ravel()[corners]), len(sharp))
         faces = face_normals[corners[order] // face_points.shape[1]]

@@ -22,13 +22,14 @@ from ..mesh.normals import Weighting, face_normals, nonzero, normalize, vertex_s
 from ..mesh.placement import LEAST, TOUCHING, ULP
 from ..mesh.weld import CREASE, coincident, connected_components, sum_groups, weld
 from ..system.parallel import each
-from ..types import Bools, Float64Rows, Float64s, Int64s
+from ..types import Bools, Float32s, Float64Rows, Float64s, Int64s
 from .direction import SHARP, least_cosines, outermost_normals, resolve_contacts
 from .surface import Contacts, Surface, find_contacts
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
 _BLURRED = 5.0  # offsets within which rounding has a say in what a point sees of a face, and where faces are looked for
 _LEAST, _NEAR = 0.25, 1.0 / 64.0  # of an offset and of the shortest edge, to which offsets in folds are cut
+_BLOCK = 1 << 20  # points, for whose offsets there is memory at once
 AWAY = -0.7  # mean cosine between normals and axes, below which faces are wound the wrong way round
 
 
@@ -62,7 +63,7 @@ def ray_origins(
         clearance = clearance.copy()
         magnitude = magnitude.copy()
         resolve_contacts((directions, clearance, ambiguous), surface, points, touched, face_points, numbers)
-        np.maximum.at(magnitude, touched.point, np.maximum(surface.extent, surface.flat)[touched.face])
+        np.maximum.at(magnitude, touched.point, surface.reaches(touched.face))
         offset = ray_offset(directions, magnitude, clearance)
         farther = np.where((reach >= 0.0) & (2.0 * offset > reach), 2.0 * offset, -1.0)
         far_contacts = find_contacts(tree, surface, points, farther, face_points, numbers)
@@ -101,7 +102,7 @@ def directions_in_front(
     is_in_front = clear > SHARP
     directions[is_in_front] = axes[is_in_front]
     magnitude = np.abs(points).max(axis=1, initial=0.0)
-    np.maximum.at(magnitude, held.point, np.maximum(surface.extent, surface.flat)[held.face])
+    np.maximum.at(magnitude, held.point, surface.reaches(held.face))
     return directions, np.where(is_in_front, clear, clearance), magnitude
 
 
@@ -210,15 +211,21 @@ class WeldedPoints(NamedTuple):
 
     def ray_origins(self, tree: BVH16, surface: Surface) -> tuple[Float64s, Bools]:
         """`raytrace.ray_origins.origins.ray_origins`. Args: tree: over the faces of `surface`, `self.surface`."""
-        points, corners, numbers = surface.vertices, self.face_points, np.arange(len(self.first_vertex))
-        if len(numbers) < len(points):
-            points = points.take(self.first_vertex, axis=0)
-        magnitude = surface.magnitudes(corners, len(numbers))
-        return ray_origins(tree, surface, points, self.directions, self.clearance, corners, numbers, magnitude)
+        corners, count = self.face_points, len(self.first_vertex)
+        magnitude = surface.magnitudes(corners, count)
+        origins, ambiguous = np.empty((count, 3)), np.empty(count, np.bool_)
+        for start in range(0, count, _BLOCK):
+            some = slice(start, start + _BLOCK)
+            points, numbers = surface.vertices[self.first_vertex[some]], np.arange(*some.indices(count))
+            of_points = self.directions[some], self.clearance[some]
+            found = ray_origins(tree, surface, points, *of_points, corners, numbers, magnitude[some])
+            origins[some], ambiguous[some] = found
+        return origins, ambiguous
 
-    def displacement(self, surface: Surface, origins: Float64s) -> Float64s:
-        """Distances (k,) of origins (k, 3) from points in folds as sharp as `SHARP`, in shortest edges; elsewhere 0."""
-        displaced = np.zeros(len(self.first_vertex))
+    def displacement(self, surface: Surface, origins: Float64s) -> Float32s:
+        """Distances, float32 (k,), of origins (k, 3) from points in folds as sharp as `SHARP`, in shortest edges;
+        elsewhere 0."""
+        displaced = np.zeros(len(self.first_vertex), np.float32)
         sharp = np.flatnonzero(nonzero(self.directions) & (self.clearance < SHARP))
         if len(sharp):
             away = np.linalg.norm(origins[sharp] - surface.vertices[self.first_vertex[sharp]], axis=1)
@@ -264,7 +271,7 @@ def weld_points(
     moved = nonzero(axes != mean)
     if normals is not None:
         # A given normal in front of all faces is the direction itself; of the two sides of a sheet, it chooses one.
-        own_normals = normals[first_vertices]
+        own_normals, directions = normals[first_vertices], directions.copy()
         clear = least_cosines(own_normals, face_points, face_normal)
         is_in_front = (clear > SHARP) & nonzero(own_normals)
         directions[is_in_front] = own_normals[is_in_front]

@@ -19,7 +19,7 @@ from ..kernel.vector import cross, length, load, load_triangle, subtract
 from ..mesh.placement import NEAR, TOUCHING, ULP
 from ..system.parallel import each, parallel
 from ..system.threads import run_blocks, thread_count
-from ..types import Bools, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
+from ..types import Bools, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
 
 FLAT = 1.0 / 16.0
 _POINTS = 1 << 12  # of a thread that looks at all faces
@@ -36,31 +36,35 @@ class Surface(NamedTuple):
 
     Attributes:
         vertices: float64 (n, 3). faces: int64 (m, 3), none degenerate. normals: float64 (m, 3), unit.
-        extent: float64 (m,), the largest |coordinate| of each face's corners; above `NEAR` no more than counts across.
-        flat: float64 (m,), as large as that may be beside a flat triangle: Embree takes the distance of its plane from
+        extent: float32 (m,), the largest |coordinate| of each face's corners; above `NEAR` no more than counts across.
+        flat: float32 (m,), as large as that may be beside a flat triangle: Embree takes the distance of its plane from
             a normal that it computes in float32, whose relative error is that of a coordinate over the sine of the
             largest angle, times the distance of a corner. At most `NEAR`, or as far away as the face is: the offset
             there is 10⁻⁵ of the mesh, no more.
-        rounding: float64 (m,), how far from a face a point may be that touches it.
+        rounding: float32 (m,), how far from a face a point may be that touches it.
     """
 
     vertices: Float64Rows
     faces: Int64Rows
     normals: Float64Rows
-    extent: Float64s
-    flat: Float64s
-    rounding: Float64s
+    extent: Float32s
+    flat: Float32s
+    rounding: Float32s
 
     @classmethod
     def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
         """Faces with their extents, flatness and rounding measured; arguments as the attributes."""
-        measures = np.zeros(len(faces)), np.zeros(len(faces)), np.zeros(len(faces))
-        _measure(vertices, faces, normals, measures)
-        return cls(vertices, faces, normals, *measures)
+        extent, flat, rounding = np.zeros((3, len(faces)), np.float32)
+        _measure(vertices, faces, normals, (extent, flat, rounding))
+        return cls(vertices, faces, normals, extent, flat, rounding)
 
     def reversed(self) -> Surface:
         """The same faces, seen from behind."""
         return self._replace(normals=-self.normals)
+
+    def reaches(self, faces: Int32s) -> Float32s:
+        """The larger of `extent` and `flat` (k,) of some `faces` (k,)."""
+        return np.maximum(self.extent[faces], self.flat[faces])
 
     def shortest_edges(self, face_points: Int64s, points: Int64s) -> Float64s:
         """The shortest edge (k,) at each of some `points` (k,), numbers in `face_points` (m, 3); ∞ at none."""
@@ -88,7 +92,7 @@ class Surface(NamedTuple):
 
 @each("faces")
 def _measure(
-    f: int, vertices: Float64Rows, faces: Int64Rows, normals: Float64Rows, measures: tuple[Float64s, Float64s, Float64s]
+    f: int, vertices: Float64Rows, faces: Int64Rows, normals: Float64Rows, measures: tuple[Float32s, Float32s, Float32s]
 ) -> None:
     """Write the attributes `extent`, `flat` and `rounding` of a `Surface`, which are zeros."""
     extent, flat, rounding = measures
@@ -114,7 +118,7 @@ def _largest(p):
 
 
 @parallel("around", _POINTS, alone=True)
-def _spread_flat(start: int, stop: int, flat: Float64s, face_points: Int64Rows, around: Float64s) -> None:
+def _spread_flat(start: int, stop: int, flat: Float32s, face_points: Int64Rows, around: Float64s) -> None:
     """The largest `flat` of the faces of each point."""
     for f in range(len(face_points)):
         for corner in range(3):
@@ -125,7 +129,7 @@ def _spread_flat(start: int, stop: int, flat: Float64s, face_points: Int64Rows, 
 
 @parallel("magnitude", _POINTS, alone=True)
 def _magnitudes(
-    start: int, stop: int, extent: Float64s, face_points: Int64Rows, around: Float64s, magnitude: Float64s
+    start: int, stop: int, extent: Float32s, face_points: Int64Rows, around: Float64s, magnitude: Float64s
 ) -> None:
     """The largest `extent` of a point's faces, and `flat` of these and of its neighbours' faces, which rays pass by."""
     for f in range(len(face_points)):

@@ -164,7 +164,7 @@ def _files_of(plan: Plan) -> list[Path]:
         with suppress(OSError, ValueError, TypeError, AttributeError, RecursionError):  # its bake will say why
             check_regular(path, "a file")
             if path.suffix.lower() == ".gltf":
-                files += Gltf(path, json.loads(path.read_bytes())).files[1:]
+                files += Gltf(path, json.loads(path.read_bytes())).files
             elif path.suffix.lower() == ".obj":
                 files += named_files(path)
     return files

@@ -18,7 +18,8 @@ from obscurance import ao
 from obscurance.raytrace.errors import ConflictError, OptionError
 from obscurance.raytrace.system.checks import make_folder
 
-from ..formats.load import MeshFile, load
+from ..asset.asset import Asset
+from ..formats.load import load
 from ..formats.objects import ObjectSelection, match, select_objects
 from ..formats.table import endings
 from ..geometry.instances import with_sides
@@ -45,7 +46,7 @@ class BakeInputs(NamedTuple):
         started: when reading began, in seconds of `time.perf_counter`.
     """
 
-    source: MeshFile
+    source: Asset
     chosen: ObjectSelection
     layout: Layout | None
     fine: Mesh | None
@@ -73,23 +74,23 @@ class BakeInputs(NamedTuple):
         return f"\n{opacity.summary}" if opacity else ""
 
 
-def opened(mesh: Any, **how: Any) -> MeshFile:
+def opened(mesh: Any, **how: Any) -> Asset:
     """A mesh file's content, by its name, or a mesh in memory as one. Args: how: arguments of `load`."""
     if isinstance(mesh, str | os.PathLike):
         return load(mesh, **how)
-    file = mesh if isinstance(mesh, MeshFile) else MeshFile.of(mesh)
+    file = mesh if isinstance(mesh, Asset) else Asset.of(mesh)
     whole = file.mesh
     if not how["alpha"]:
         whole = replace(whole, opacity=None)
     if how.get("up"):
         whole = replace(whole, up=how["up"])
-    return file._replace(mesh=whole.reversed() if how.get("flip") else whole)
+    return file.with_mesh(whole.reversed() if how.get("flip") else whole)
 
 
-def _beside(source: MeshFile, mesh: Any, **how: Any) -> MeshFile:
+def _beside(source: Asset, mesh: Any, **how: Any) -> Asset:
     """`opened`, in the frame of the input; arrays, which are no file's, are in that of its vertices."""
     file = opened(mesh, **how)
-    return file.in_frame_of(source) if isinstance(mesh, str | os.PathLike | MeshFile) else file
+    return file.in_frame_of(source) if isinstance(mesh, str | os.PathLike | Asset) else file
 
 
 def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) -> BakeInputs:
@@ -113,8 +114,8 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
         )  # fmt: skip
     if options.points and not source.cloud:
         raise ConflictError("points", "needs", "the name of a file of points")
-    has_sides = plan.has_sides and not (source.gltf and plan.ending == ".glb")  # which keeps the file's vertices
-    baked = source._replace(mesh=source.split) if has_sides else source
+    has_sides = plan.has_sides and not (source.is_scene and plan.ending == ".glb")  # which keeps the file's vertices
+    baked = source.with_mesh(source.split) if has_sides else source
     chosen = select_objects(baked, *by_name, options.occluded_by, options.output_dir is not None)
     layout = None
     if plan.kind == "texture":  # whose pages may be refused, before more is read

@@ -193,6 +193,8 @@ RENDER = (
     of_bake("up", help="Up axis of a mesh file, by default what it says, or y."),
     Option("view", str | None, None, "Where a mesh file is seen from: front, back, left, right, top, bottom, or a "
            "direction X,Y,Z from it to the camera.", words=("front", "back", "left", "right", "top", "bottom")),
+    Option("turntable", int | None, None, "So many pictures on one turn around the scene, into OUTPUT_0001.png and so "
+           "on.", excludes=("show", "report"), metavar="N"),
     Option("crop", str | None, None, "Render only these pixels.", metavar="X,Y,W,H"),
     of_bake("seed", kind=int | None, default=None, help="Random seed of the pixel samples."),
     Option("preview", bool, False, "A quarter of the width and height, few samples."),

@@ -23,9 +23,8 @@ from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.system.checks import check_outputs
 from obscurance.raytrace.types import Bools, Float64s
 
+from ..asset.asset import Asset, Run
 from ..formats.images import MATERIAL, OBJECT, UDIM, tile_number, udim_tiles
-from ..formats.load import MeshFile
-from ..formats.primitive_groups import PrimitiveGroup, primitive_groups
 from ..safe_paths import file_words
 from ..show.progress import progress
 from .uv import Coordinates, coordinates
@@ -65,27 +64,28 @@ class Layouts:
         the pages; 0 of new coordinates, which no two instances have in common.
     """
 
-    def __init__(self, source: MeshFile, coordinates: Coordinates) -> None:
+    def __init__(self, source: Asset, coordinates: Coordinates) -> None:
         self.of, self.instance = np.zeros((2, len(source.mesh.faces)), np.int64)
         self.all = [
             piece._replace(faces=piece.faces[mask])
-            for piece in primitive_groups(source, coordinates.number or 0)
+            for piece in source.runs()
             for new in (coordinates.new[piece.faces],)
             for mask in (~new, new)
             if mask.any()
         ]
-        self.pieces: list[PrimitiveGroup] = []  # one of each layout
+        self.pieces: list[Run] = []  # one of each layout
         self.images: list[Hashable] = []  # one of each layout, or a key that is the layout's own
         self.path = source.path
         keys: dict[Hashable, int] = {}
         owners: dict[Hashable, dict[Hashable, int]] = {}
         for piece in self.all:
             new = bool(coordinates.new[piece.faces].any())
-            shared = piece.image is not None and not new
+            image = source.material(piece.material.key).image(coordinates.number or 0)
+            shared = image is not None and not new
             key = piece.material.key, None if shared else piece.body, new
             if key not in keys:
                 self.pieces.append(piece)
-                self.images.append("new" if new else ("image", piece.image) if shared else key)
+                self.images.append("new" if new else ("image", image) if shared else key)
             self.of[piece.faces] = keys.setdefault(key, len(keys))
             if not new and on_page(coordinates.uv[piece.faces]).any():
                 same = owners.setdefault(piece.body, {})
@@ -147,7 +147,7 @@ class Layouts:
         return [replace(page, name=word, words={MATERIAL: word}) for page, word in zip(split_pages, words, strict=True)]
 
 
-def pages_of(plan: Plan, source: MeshFile, coordinates: Coordinates) -> list[Page]:
+def pages_of(plan: Plan, source: Asset, coordinates: Coordinates) -> list[Page]:
     """The pages of a plan, each of some faces.
 
     Raises: OptionError: layouts would share one that overlap, and may not; or tiles that have no number.
@@ -165,7 +165,7 @@ def pages_of(plan: Plan, source: MeshFile, coordinates: Coordinates) -> list[Pag
     return pages or [Page(coordinates.uv)]
 
 
-def _pages(plan: Plan, source: MeshFile, layouts: Layouts, coordinates: Coordinates) -> list[Page]:
+def _pages(plan: Plan, source: Asset, layouts: Layouts, coordinates: Coordinates) -> list[Page]:
     """The pages by material, object and tile, before several instances of a mesh are parted."""
     mixed = plan.options.overlap is not None or coordinates.number is None  # new layouts do not overlap
     threads = plan.options.threads
@@ -206,7 +206,7 @@ class Layout:
     falloff: ao.Falloff
 
     @classmethod
-    def of(cls, plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Layout:
+    def of(cls, plan: Plan, source: Asset, chosen: ObjectSelection) -> Layout:
         """The layout of a plan: texture coordinates, pages and falloff.
 
         Raises: as `coordinates`, `pages_of`, `outputs_of`, `check_outputs`, `ObjectSelection.of_page`.
@@ -238,7 +238,7 @@ def outputs_of(plan: Plan, pages: Sequence[Page]) -> dict[str, Path]:
     return outputs
 
 
-def _groups(all_groups: Sequence[PrimitiveGroup], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:
+def _groups(all_groups: Sequence[Run], output: Path, count: int) -> list[tuple[dict[str, str], Bools]]:
     """Groups of faces (m,) by <MATERIAL> and <OBJECT>, as far as a name has these, and the words for them."""
     columns = {MATERIAL: [piece.material for piece in all_groups], OBJECT: [piece.object for piece in all_groups]}
     words = []
@@ -259,7 +259,7 @@ def _masked(uv: Float64s, mask: Bools) -> Float64s:
 
 
 def _refusal(
-    source: MeshFile, layouts: Layouts, clashes: dict[tuple[int, int], int], output: Path, about: str
+    source: Asset, layouts: Layouts, clashes: dict[tuple[int, int], int], output: Path, about: str
 ) -> OptionError:
     """The error for layouts that overlap, which names the pair with the most texels in common."""
     pair = max(clashes, key=lambda clash: clashes[clash])
@@ -294,7 +294,7 @@ def layout_remarks(baked: ao.BakedTexture, wraps: bool, tiles: bool) -> list[str
     return lines
 
 
-def check_area(source: MeshFile, page: Page) -> None:
+def check_area(source: Asset, page: Page) -> None:
     """Check that a face of the page has an area on it, or nothing would be written. Raises: MeshError."""
     if not have_area(page.uv).any():
         name = page.name or " ".join(page.words.values())
@@ -302,12 +302,12 @@ def check_area(source: MeshFile, page: Page) -> None:
         raise MeshError(source.path, f"texture coordinates{of_page}", "faces with an area on the page", "none")
 
 
-def lacking(source: MeshFile, uv: Float64s, needed: Bools, keeps_uv: bool) -> list[str]:
+def lacking(source: Asset, uv: Float64s, needed: Bools, keeps_uv: bool) -> list[str]:
     """The parts of a file without texture coordinates, in a line. Args: needed: (m,), the faces that matter."""
     without = ~on_page(uv) & needed
     if not without.any():
         return []
-    without_uv = [piece for piece in primitive_groups(source) if without[piece.faces].any()]
+    without_uv = [piece for piece in source.runs() if without[piece.faces].any()]
     names = list(dict.fromkeys(f"{piece.object.name} ({piece.material.name})" for piece in without_uv))
     instead = "show w, the openness, of their vertices" if keeps_uv else "get no texels"
     what = f"{without.sum():,} faces, of {first_names(names, _LISTED)}, have no texture coordinates and {instead}"

@@ -12,7 +12,7 @@ from obscurance.raytrace.errors import InputError, nearest_name, shortened
 from .options import BAKE, PRESETS, ROWS, check_stored, plain
 
 if TYPE_CHECKING:
-    from ..formats.load import MeshFile
+    from ..asset.asset import Asset
     from ..show.report.verdict import Pictures
     from .inputs import BakeInputs
     from .plan import Plan
@@ -72,10 +72,9 @@ def command_line(command: str, table: Iterable[Option], options: Mapping[str, An
     return shlex.join(words)
 
 
-def command_again(plan: Plan, source: MeshFile) -> str:
+def command_again(plan: Plan, source: Asset) -> str:
     """The command that bakes vertices again at another half-distance, "{}", into a file that keeps what it holds."""
-    attributes = source.attributes
-    is_painted = source.gltf or (attributes and (attributes.uv or attributes.materials))
+    is_painted = source.is_scene or source.materials or source.columns("uv0")
     changed = {
         name: value
         for name, value in plan.described().items()

@@ -22,7 +22,6 @@ from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_outputs
 
 from ..formats.images import write_grey, write_normals
-from ..formats.primitive_groups import primitive_groups
 from ..show.progress import progress
 from .console import texture_summary, warn
 from .pages import Layout, Page, lacking, layout_remarks, outputs_of
@@ -149,8 +148,8 @@ def _write_glb(path: Path, plan: Plan, inputs: BakeInputs, layout: Layout, bakes
     w = None
     if uncovered.any():
         only = np.zeros(len(source.mesh.vertices), np.bool_)
-        for group in primitive_groups(source):
-            only[source.mesh.faces[group.faces]] |= uncovered[group.faces].any()
+        for run in source.runs():
+            only[source.mesh.faces[run.faces]] |= uncovered[run.faces].any()
         options = {"falloff": layout.falloff, "threads": plan.options.threads, "only": only}
         w = bake_vertices(VertexArguments.of(plan.arguments, inputs.chosen.mesh, **options, **inputs.arguments)).w
     content, lines = textured_glb(source, textures, plan.options.replace_occlusion, plan.options.orm, w)

@@ -27,7 +27,7 @@ from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.raytrace.mesh.weld import connected_components
 from obscurance.raytrace.types import Bools, Float64s, Int64s
 
-from ..formats.load import MeshFile
+from ..asset.asset import Asset
 from ..formats.objects import ObjectSelection
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Coordinates:
     cramped: int = 0  # faces that share a texel with other charts, but show more than that
 
 
-def coordinates(plan: Plan, source: MeshFile, chosen: ObjectSelection) -> Coordinates:
+def coordinates(plan: Plan, source: Asset, chosen: ObjectSelection) -> Coordinates:
     """The texture coordinates that --uv asks for: those of the file, new ones, or new ones for some faces alone.
 
     Raises: MeshError: there are none. OptionError: as `unwrap`, or a page too large.

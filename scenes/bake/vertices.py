@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from obscurance.ao.execute.tracer import Progress
     from obscurance.raytrace.mesh.mesh import Mesh
 
-    from ..formats.load import MeshFile
+    from ..asset.asset import Asset
     from ..show.report.pictures import Picture
     from .inputs import BakeInputs
     from .plan import OpenCheckpoint, Plan
@@ -108,7 +108,7 @@ def _hard_edges(plan: Plan, inputs: BakeInputs) -> list[str]:
     return [f"{plan.output}: {count:,} of {len(mesh.vertices):,} {HARD}: {sides}"] if count else []
 
 
-def _coarse(plan: Plan, source: MeshFile, baked: ao.Bake) -> list[str]:
+def _coarse(plan: Plan, source: Asset, baked: ao.Bake) -> list[str]:
     """A line about values that are wrong between the vertices, and what makes them right in this output; none for
     cells of a raster, which have nothing between them."""
     if not baked.coarse or baked.interpolation is None or is_raster(plan.output):

@@ -10,8 +10,8 @@ from obscurance.raytrace.image.write import write_image
 from obscurance.raytrace.system.checks import check_outputs, make_folder
 from obscurance.raytrace.types import Float64s
 
+from ..asset.asset import Asset
 from ..bake.console import bake_summary
-from ..formats.load import MeshFile
 from ..formats.write import write
 from ..geometry.builtin_shapes import temple
 from ..show.progress import progress
@@ -40,7 +40,7 @@ def make_demo(folder: Path, quiet: bool) -> None:
             _render_half(rt.Object(shape)),
             _render_half(rt.Object(shape, w=baked.w, bent_normals=baked.bent_normals)),
         )
-    write(mesh_target, baked, MeshFile.of(mesh))
+    write(mesh_target, baked, Asset.of(mesh))
     write_image(image_target, np.concatenate([halves[0], np.ones((_HALF.height, _GAP, 3)), halves[1]], axis=1))
     if not quiet:
         print(f"{bake_summary(baked, mesh_target)}\nimage: {image_target}")

@@ -8,10 +8,11 @@ from obscurance.raytrace.errors import ConflictError, OptionError, SceneError, p
 from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_ending, check_outputs
 
+from ..asset.asset import Asset
 from ..bake.console import warn
 from ..formats.falloffs import Scales
 from ..formats.images import check_texture_target, write_grey
-from ..formats.load import MeshFile, load
+from ..formats.load import load
 from ..formats.stored_w import checked_profile, find_profile, read_beside_w
 from ..formats.table import endings
 from ..formats.unsupported import unsupported_features
@@ -70,9 +71,9 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     return len(w)
 
 
-def _command_again(baked: Path, file: MeshFile, mesh: Path | None) -> str:
+def _command_again(baked: Path, file: Asset, mesh: Path | None) -> str:
     """The command that writes w at another half-distance, "{}", into a file."""
-    target = f"{baked.stem}-falloff{'.glb' if file.gltf else '.ply'}"
+    target = f"{baked.stem}-falloff{'.glb' if file.is_scene else '.ply'}"
     besides = ["--mesh", str(mesh)] if mesh else []
     return (
         shlex.join(["obscurance", "falloff", str(baked), *besides]) + f" --half-distance {{}} -o {shlex.quote(target)}"

@@ -15,11 +15,11 @@ from obscurance.ao.options import At, BackFaces, Interior, Method, Normals
 from obscurance.raytrace.errors import ConflictError
 from obscurance.raytrace.types import Bools
 
+from ..asset.asset import Asset
 from ..bake.inputs import read_inputs
 from ..bake.options import BAKE, ROWS, Alpha, BakeOptions, OccludedBy, Up, check_together
 from ..bake.plan import plan_bake
 from ..bake.vertices import bake_inputs
-from ..formats.load import MeshFile
 from ..show.progress import in_notebook
 from ..show.progress import progress as shown_progress
 
@@ -126,7 +126,7 @@ def _as_options(given: dict[str, Any]) -> BakeOptions:
     """Arguments of `bake` as options of the command, whose values are texts and lists. Raises: OptionError."""
     options = {name: value for name, value in given.items() if name in ROWS}
     mesh, falloff, ground, progress = (given[name] for name in ("mesh", "falloff", "ground", "progress"))
-    options["mesh"] = [mesh.path if isinstance(mesh, MeshFile) else Path(mesh if _is_name(mesh) else "mesh")]
+    options["mesh"] = [mesh.path if isinstance(mesh, Asset) else Path(mesh if _is_name(mesh) else "mesh")]
     options["output"] = _IN_MEMORY
     options["falloff"] = falloff or "exponential" if isinstance(falloff, str | None) else falloffs_of(falloff)
     options["progress"] = progress if isinstance(progress, str) else "bar"

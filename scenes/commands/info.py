@@ -14,13 +14,12 @@ from obscurance.raytrace.mesh.warnings import outlier_warnings, precision_warnin
 from obscurance.raytrace.mesh.weld import coincident
 from obscurance.raytrace.types import Float64s
 
-from ..formats.gltf.occlusion import is_ramp, occlusion_reference, ramp_sets
-from ..formats.load import MeshFile
+from ..asset.asset import Asset
 
 _NAME, _NAMES = 80, 8  # characters of a name, and names, that are shown
 
 
-def facts(source: MeshFile) -> dict[str, Any]:
+def facts(source: Asset) -> dict[str, Any]:
     """The facts of `describe` as JSON-ready values: lengths in mesh units, None for what is missing."""
     mesh = source.mesh
     placement = Placement.of(mesh)
@@ -37,7 +36,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
     uses = np.unique(edges @ [len(mesh.vertices), 1], return_counts=True)[1]
     flagged = {(flag.name or "").lower(): int(np.count_nonzero(receivers.flags & flag)) for flag in Flag}
     profile = source.profile
-    stored = "16-bit integers" if source.gltf else "32-bit floats"
+    stored = "16-bit integers" if source.is_scene else "32-bit floats"
     warnings = [note.removeprefix(f"{source.path}: ") for note in source.notes]
     lines = [*outlier_warnings(mesh), *precision_warnings(mesh), *inward_warnings(mesh, placement.vertices)]
     return {
@@ -66,7 +65,7 @@ def facts(source: MeshFile) -> dict[str, Any]:
     }
 
 
-def describe(source: MeshFile) -> list[tuple[str, str]]:
+def describe(source: Asset) -> list[tuple[str, str]]:
     """Rows (name, value) about a file's objects, its extent, its defects and what a bake would do with it."""
     values = facts(source)
     mesh = source.mesh
@@ -112,38 +111,29 @@ def _listed(names: list[str]) -> str:
     return f"{len(names)}: {first}" if names else "none in the file"
 
 
-def _surfaces(source: MeshFile) -> dict[str, Any]:
+def _surfaces(source: Asset) -> dict[str, Any]:
     """How many sets of texture coordinates a file has, and the names of its materials and of their pictures."""
-    if source.gltf is None:
-        kept = source.held.materials
-        pictures = dict.fromkeys(path for one in kept for path in (one.texture, one.opacity_texture) if path)
-        sets, materials, textures = int(source.uv is not None), [one.name for one in kept], [p.name for p in pictures]
+    sets = {name for part in source.parts for name in part.primitive.columns if name.startswith("uv")}
+    if source.is_scene:
+        from ..formats.gltf.textures import image_names
+
+        textures = image_names(source)
     else:
-        stored = source.gltf.header
-        sets = len({
-            name
-            for drawn in source.gltf.drawn
-            for name in drawn.primitive.attributes.keys() - {f"TEXCOORD_{n}" for n in ramp_sets(stored, drawn.stored)}
-            if name.startswith("TEXCOORD_")
-        })  # fmt: skip
-        materials = [str(one.name or f"material {n}") for n, one in enumerate(source.gltf.materials.materials)]
-        images = zip(stored.get("images", []), source.gltf.geometry.images, strict=True)
-        textures = [
-            str(table.get("name") or ("" if image.uri.startswith("data:") else image.uri) or table.get("mimeType"))
-            for table, image in images
-        ]
-    return {"texture_sets": sets, "materials": materials, "textures": textures}
+        textures = list(dict.fromkeys(path.name for material in source.materials for path in material.pictures))
+    return {
+        "texture_sets": len(sets),
+        "materials": [material.name for material in source.materials],
+        "textures": textures,
+    }
 
 
-def _occlusion(source: MeshFile) -> dict[str, int] | None:
+def _occlusion(source: Asset) -> dict[str, int] | None:
     """How many primitives of a glTF file have occlusion textures, and how many of these are the ramp of a bake."""
-    if source.gltf is None:
+    if not source.is_scene:
         return None
-    _ = source.gltf.materials  # to find what is malformed
-    header = source.gltf.header
-    materials = [piece.primitive.material for piece in source.gltf.drawn]
-    textured = sum(occlusion_reference(header, material) is not None for material in materials)
-    return {"primitives": len(materials), "textured": textured, "ramps": sum(is_ramp(header, m) for m in materials)}
+    used = [source.material(run.material.key) for run in source.runs()]
+    textured = [material.occlusion for material in used if material.occlusion]
+    return {"primitives": len(used), "textured": len(textured), "ramps": sum(one.is_ramp for one in textured)}
 
 
 def _stored(w: Float64s | None) -> dict[str, Any] | None:

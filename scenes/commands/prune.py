@@ -17,15 +17,15 @@ from obscurance.raytrace.system.checks import check_outputs
 from obscurance.raytrace.types import Bools, Float64s, Int64s
 
 from ..formats.gltf.textured import check_vertices
-from ..formats.load import MeshFile, load, parser_errors
+from ..formats.load import load, parser_errors
 from ..formats.ply.write import bare_ply
 from ..formats.stl import TRIANGLE
 from ..show.progress import progress
 
 if TYPE_CHECKING:
+    from ..asset.asset import Asset, Part
     from ..formats.gltf.asset import Gltf
     from ..formats.gltf.builder import GlbBuilder
-    from ..geometry.instances import Submesh
 
 _ENDINGS = ".glb", ".ply", ".obj", ".stl", ".off"
 _ROUNDED = 1e-6  # of a mesh's extent, by which a vertex may move in an .stl
@@ -45,7 +45,7 @@ def prune(source: Path, output: Path, seed: int, threads: int | None, quiet: boo
     check_writable(output)
     mesh_file = load(source, output if ending == ".glb" else None)
     check_outputs({"--output": output}, mesh_file.files)
-    if ending == ".glb" and not mesh_file.gltf:
+    if ending == ".glb" and not mesh_file.is_scene:
         from ..formats.gltf.write import document
 
         mesh_file = load(source.with_suffix(".glb"), output, document(mesh_file, None)[0].encode())
@@ -99,21 +99,22 @@ def _stl(vertices: Float64s, faces: Int64s, output: Path) -> bytes:
     return bytes(80) + len(faces).to_bytes(4, "little") + table.tobytes()
 
 
-def _visible_glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
+def _visible_glb(source: Asset, seen: Bools) -> tuple[bytes, int]:
     """The document without unseen faces, and how many faces it draws.
 
     An instance goes if all of its faces are unseen; a face that instances share, if it is unseen in all of them.
     """
     from ..formats.gltf.accessors import triangles
+    from ..formats.gltf.asset import Gltf
     from ..formats.gltf.textured import draw, take_vertices
     from ..formats.gltf.write import one_buffer
 
-    asset = mesh_file.gltf
-    assert asset is not None
+    asset = source.raw
+    assert isinstance(asset, Gltf)
     builder = one_buffer(asset)
     meshes = builder.header["meshes"]
-    showing = _visible_nodes(asset, mesh_file.parts, seen)
-    kept_faces = _visible_faces(asset, mesh_file.parts, seen)
+    showing = _visible_nodes(asset, source.parts, seen)
+    kept_faces = _visible_faces(asset, source.parts, seen)
     # Nodes of which nothing is seen draw nothing any more.
     for number in {drawn.node for drawn in asset.drawn} - showing:
         for field in ("mesh", "skin", "weights"):
@@ -138,7 +139,7 @@ def _visible_glb(mesh_file: MeshFile, seen: Bools) -> tuple[bytes, int]:
     return builder.encode(), sum(int(np.count_nonzero(faces)) for faces in drawn_faces)
 
 
-def _visible_nodes(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> set[int]:
+def _visible_nodes(asset: Gltf, parts: Sequence[Part], seen: Bools) -> set[int]:
     """The nodes that show something: seen faces, lines or points."""
     numbers = Counter(mesh for mesh, _ in {(drawn.mesh, drawn.primitive_number) for drawn in asset.drawn})
     with_lines = {mesh for mesh, count in numbers.items() if count < len(asset.geometry.meshes[mesh].primitives)}
@@ -146,7 +147,7 @@ def _visible_nodes(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> set[in
     return {drawn.node for drawn, part in instances if drawn.mesh in with_lines or seen[part.faces].any()}
 
 
-def _visible_faces(asset: Gltf, parts: Sequence[Submesh], seen: Bools) -> dict[tuple[int, int], Bools]:
+def _visible_faces(asset: Gltf, parts: Sequence[Part], seen: Bools) -> dict[tuple[int, int], Bools]:
     """The faces of each mesh and primitive that are seen in some instance; all of a mesh that another scene shows,
     too."""
     drawn_nodes = {drawn.node for drawn in asset.drawn}

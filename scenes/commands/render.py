@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -74,23 +74,31 @@ def _render(options: RenderOptions, output: Path) -> None:
     # The scene as the options have it.
     read = read_scene(options.scene, size, options.up, options.view)
     description = _adjusted(read, options.replaced(crop=crop), scales)
-    check_outputs({"--output": output, "--report": options.report}, [options.scene, *description.files])
+    views, targets = [description], [output]
+    if options.turntable is not None:
+        views = description.turntable(options.turntable)
+        targets = [output.with_stem(f"{output.stem}_{number:04}") for number in range(1, len(views) + 1)]
+    for target in targets:
+        check_outputs({"--output": target, "--report": options.report}, [options.scene, *description.files])
     inputs = hashed([options.scene, *description.files]) if options.report else []
     warnings = warn((item.shape.mesh for item in description.scene.objects), description.notes)
-    # Its picture.
+    # Its pictures, each of which is written as soon as it is there.
+    lines = []
     with workers_of(options) as workers:
         status = workers.status if workers else str
         with progress(options.quiet, "rays", "tiles", form=options.progress, status=status) as bars:
-            picture = _picture(options.scene, description, layers is None, threads, bars, workers)
-            start = time.perf_counter()
-            picture.frame.save(output, _metadata(options.scene, description.settings), options.half)
-            picture.seconds["write"] = time.perf_counter() - start
+            pictures = _pictures(options.scene, views, layers is None, threads, bars, workers)
+            for target, picture in zip(targets, pictures, strict=True):
+                start = time.perf_counter()
+                picture.frame.save(target, _metadata(options.scene, description.settings), options.half)
+                picture.seconds["write"] = time.perf_counter() - start
+                lines.append(picture.summary(target, description.settings))
     if options.show:
         show_picture(picture.frame.layers["beauty"])
     if options.report:
         _write_report(options, description.settings, picture, threads, inputs, warnings)
     if not options.quiet:
-        print(picture.summary(output, description.settings))
+        print("\n".join(lines))
         if workers:
             print(workers.summary())
 
@@ -164,11 +172,11 @@ class RenderedPicture(NamedTuple):
         return f"{printable(str(target))}: {size}, {rays}; obscurance {settings.obscurance}{baked}"
 
 
-def _picture(
-    source: Path, description: SceneDescription, all_layers: bool, threads: int, bars: Sequence[Advance | None],
+def _pictures(
+    source: Path, views: Sequence[SceneDescription], all_layers: bool, threads: int, bars: Sequence[Advance | None],
     workers: Workers | None,
-) -> RenderedPicture:  # fmt: skip
-    """Bake what a described scene needs, and render it.
+) -> Iterator[RenderedPicture]:  # fmt: skip
+    """Bake what a described scene needs, once, and render its views, which differ by camera and lights.
 
     Args:
         all_layers: as of `raytrace.render`.
@@ -179,6 +187,7 @@ def _picture(
 
     from ..description.obscurance import with_obscurance
 
+    description = views[0]
     settings = description.settings
     renderer = render
     checkpoint = None
@@ -192,10 +201,13 @@ def _picture(
     needed = rendering_bytes(description.scene, settings, all_layers, threads)
     check_memory(source, needed, describe_work(description.scene, settings))
     start = time.perf_counter()
-    scene, baked = with_obscurance(description, threads, bars[0], checkpoint)
+    scene, baked = with_obscurance(description, threads, bars[0], checkpoint, [view.camera for view in views])
     bake_seconds = time.perf_counter() - start
-    frame = renderer(scene, description.camera, settings, all_layers, threads, bars[1])
-    return RenderedPicture(frame, baked, {"bake": bake_seconds, **frame.seconds})
+    for view in views:
+        lit = replace(scene, lights=view.scene.lights)
+        frame = renderer(lit, view.camera, settings, all_layers, threads, bars[1])
+        yield RenderedPicture(frame, baked, {"bake": bake_seconds, **frame.seconds})
+        baked, bake_seconds = None, 0.0
 
 
 def _metadata(source: Path, settings: Settings) -> dict[str, str]:

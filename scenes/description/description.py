@@ -1,8 +1,8 @@
 """The content of a scene file, and defaults of files without camera, lights or material: all framed, matt grey."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from obscurance.raytrace.mesh.mesh import TO_Y_UP, UP, up_axis
 from obscurance.raytrace.types import Int64s
 
 from ..formats.falloffs import Scales
+from ..geometry.instances import rotation_about
 from ..geometry.primitives import Origin
 
 Source = Literal["bake", "off"] | Path
@@ -31,6 +32,8 @@ class SceneDescription:
             or a file of `obscurance bake` with one value a vertex of `Scene.flattened()`: `.npy`, `.npz`, `.ply`,
             `.glb`, `.gltf`, `.tif`.
         scales: of the file's profile, in place of its w.
+        lit_from_camera: whether its lights are `three_lights`, which go where the camera goes.
+        is_framed: whether the camera is one that frames everything.
         bake: falloff, samples and seed of a bake.
         files: every file that the scene is made of: its own, meshes, textures, w.
         notes: warnings about them.
@@ -46,6 +49,35 @@ class SceneDescription:
     notes: tuple[str, ...] = ()
     origins: tuple[Origin | None, ...] = ()
     scales: Scales | None = None
+    lit_from_camera: bool = False
+    is_framed: bool = False
+
+    def turntable(self, frames: int) -> list[Self]:
+        """The description for each of so many pictures of one turn: the camera goes around the scene about the axis
+        along its `up` through the point of its line of sight nearest to the scene's middle.
+
+        Lights stay, but those that no file has. Raises: OptionError: `frames` is below 1.
+        """
+        if frames < 1:
+            raise OptionError("turntable", "a number of pictures, at least 1", frames)
+        mesh, camera = self.scene.flattened(), self.camera
+        position, target, forward = np.array(camera.position), np.array(camera.target), camera.axes()[2]
+        pivot = position + max(float((mesh.centre - position) @ forward), 0.0) * forward
+        views = []
+        for number in range(frames):
+            turn = rotation_about(camera.up, 360 * number / frames)
+            places = [(pivot + turn @ (place - pivot)).tolist() for place in (position, target)]
+            views.append(replace(camera, position=places[0], target=places[1]))
+        if self.is_framed:  # as far away as the farthest, so that nothing is cut off
+            aspect = self.settings.width / self.settings.height
+            framed = [Camera.framing(mesh, (-view.axes()[2]).tolist(), view.up, aspect) for view in views]
+            far = max(float(np.linalg.norm(view.position - mesh.centre)) for view in framed)
+            views = [replace(view, position=(mesh.centre - far * view.axes()[2]).tolist()) for view in framed]
+        lights = [three_lights(view) if self.lit_from_camera else self.scene.lights for view in views]
+        return [
+            replace(self, camera=view, scene=replace(self.scene, lights=lit))
+            for view, lit in zip(views, lights, strict=True)
+        ]
 
     def file_vertices(self) -> tuple[Int64s, int]:
         """For each vertex of the scene the one of the mesh files, all after one another, and how many these have."""
@@ -95,18 +127,19 @@ def framing(mesh: Mesh, up: str | None, width: int, height: int, view: str | Non
 
 
 def sun_and_sky() -> tuple[BaseLight, ...]:
-    """Lights of terrain, where z is up and y is north: the sun 40° high in the north-west, and a sky of less light.
+    """Lights of terrain, where z is up and y is north: the sun 40° high in the north-west, and a sky of more light, in
+    which w shows.
 
     Level ground is grey, so that slopes are lighter and darker.
     """
-    sun = DirectionalLight(direction=(0.54, -0.54, -0.64), intensity=(2.1, 2.0, 1.85))
-    return sun, AmbientLight(intensity=(0.22, 0.24, 0.28))
+    sun = DirectionalLight(direction=(0.54, -0.54, -0.64), intensity=(1.2, 1.14, 1.06))
+    return sun, AmbientLight(intensity=(0.4, 0.43, 0.48))
 
 
 def three_lights(camera: Camera) -> tuple[BaseLight, ...]:
-    """Key from the upper left of the picture, fill from the right, rim from behind, and a little ambient light.
+    """Key from the upper left of the picture, fill from the right, rim from behind, and ambient light, which w darkens.
 
-    A white surface that faces the key is as bright as a picture shows, about 1.
+    A white surface that faces the key is as bright as a picture shows, about 1, half of it by ambient light.
     """
     right, above, forward = camera.axes()
 
@@ -115,8 +148,8 @@ def three_lights(camera: Camera) -> tuple[BaseLight, ...]:
         return DirectionalLight(direction=(np.array(towards) @ [right, above, forward]).tolist(), intensity=intensity)
 
     return (
-        light((0.65, -0.75, 0.7), (3.2, 3.1, 2.9)),
-        light((-0.9, -0.2, 0.6), (0.5, 0.58, 0.7)),
-        light((-0.3, -0.6, -1.0), (1.6, 1.6, 1.65)),
-        AmbientLight(intensity=(0.15, 0.16, 0.18)),
+        light((0.65, -0.75, 0.7), (1.5, 1.45, 1.36)),
+        light((-0.9, -0.2, 0.6), (0.2, 0.23, 0.28)),
+        light((-0.3, -0.6, -1.0), (0.6, 0.6, 0.62)),
+        AmbientLight(intensity=(0.5, 0.52, 0.55)),
     )

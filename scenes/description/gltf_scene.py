@@ -51,19 +51,20 @@ from obscurance.raytrace import (
     material_from_dict,
 )
 from obscurance.raytrace.brdf.presets import eta_from_reflectance
-from obscurance.raytrace.errors import InputError, printable
+from obscurance.raytrace.errors import InputError
 from obscurance.raytrace.image.texture import texture_mean
 from obscurance.raytrace.lights.sources import BaseLight
 from obscurance.raytrace.mesh.normals import normalize
 from obscurance.raytrace.system.records import Record
 from obscurance.raytrace.types import Float64s
 
+from ..asset.asset import Asset, Part
+from ..asset.primitive import NORMAL
 from ..formats.gltf import records
-from ..formats.gltf.asset import DrawnPrimitive, Gltf, entry
+from ..formats.gltf.asset import Gltf, entry
 from ..formats.gltf.records import parse
-from ..formats.gltf.textures import Textures, vertex_colours
-from ..formats.load import parser_errors, read_objects
-from ..geometry.instances import Instance
+from ..formats.gltf.textures import Textures
+from ..formats.load import parser_errors, read_asset
 from ..geometry.primitives import Origin
 from ..json_toml import located
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
@@ -93,19 +94,18 @@ class Materials:
         self.means: set[str] = set()
         self.left_out: set[str] = set()
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> dict[str, None]:
         """A line about what materials have that pictures do not show."""
         words = [f"of {', '.join(sorted(self.means))} the mean"] if self.means else []
         words += [f"left out {', '.join(sorted(self.left_out))}"] if self.left_out else []
-        return (printable(f"{self._asset.path}: materials: {'; '.join(words)}"),) if words else ()
+        return {f"materials: {'; '.join(words)}": None} if words else {}
 
-    def of(self, primitive: records.Primitive, coloured: bool) -> Material:
-        """The material of a primitive, whose vertices may have colours. Raises: ValueError: there is none of it."""
-        number = primitive.material
-        if number is None:
+    def of(self, number: int, coloured: bool) -> Material:
+        """A material by its number, −1 that of faces without, whose vertices may have colours."""
+        if number < 0:
             return WHITE if coloured else NEUTRAL
         if number not in self._made:
-            self._made[number] = self._material(self._asset.material(primitive))
+            self._made[number] = self._material(self._asset.materials.materials[number])
         return self._made[number]
 
     def _material(self, stored: records.GltfMaterial) -> Material:
@@ -173,69 +173,72 @@ def read_gltf(path: Path, settings: Settings, up: str | None, view: str | None) 
 
     Raises: as `gltf_objects`. OptionError: `up`, and the file has a camera of its own.
     """
-    objects, asset, notes, origins = gltf_objects(path)
+    objects, asset, origins = gltf_objects(path)
+    raw = asset.raw
+    assert isinstance(raw, Gltf)
     with parser_errors(path):
-        stage = parse(records.Stage, asset.header, path)
-        cameras = _placed(asset, "camera", "cameras", stage.cameras, _camera)
-        camera = None if view else next(cameras, None)
-        lights = tuple(_placed(asset, "light", records.LIGHTS, stage.lights, _light))
-        if camera and up is not None:
+        stage = parse(records.Stage, raw.header, path)
+        cameras = _placed(raw, "camera", "cameras", stage.cameras, _camera)
+        own_camera = None if view else next(cameras, None)
+        lights = tuple(_placed(raw, "light", records.LIGHTS, stage.lights, _light))
+        if own_camera and up is not None:
             raise OptionError("--up", "a file without a camera", f"{path}, which has one")
-        camera = camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)
+        camera = own_camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)
     scene = Scene(objects, lights or three_lights(camera), BACKGROUND)
     of_objects = tuple(origins.get(item.shape) for item in objects)
-    return SceneDescription(scene, camera, settings, files=asset.files, notes=notes, origins=of_objects)
+    return SceneDescription(
+        scene, camera, settings, files=asset.files, notes=asset.notes, origins=of_objects, lit_from_camera=not lights,
+        is_framed=own_camera is None,
+    )  # fmt: skip
 
 
-def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Gltf, tuple[str, ...], dict[Shape, Origin]]:
-    """The drawn primitives of a file, sharing shapes by mesh and pose, the asset, notes, and origins of the vertices of
-    shapes that have some repeated.
+def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Asset, dict[Shape, Origin]]:
+    """The drawn primitives of a file, sharing shapes by mesh and pose, the asset, whose notes tell what is left out,
+    and origins of the vertices of shapes that have some repeated.
 
     Raises: MeshError: the file cannot be read, or draws no triangles. SceneError: a texture cannot be used.
     """
-    instances, asset = read_objects(path, alpha=True)
-    if asset is None:
+    asset = read_asset(path, alpha=True)
+    raw = asset.raw
+    if not isinstance(raw, Gltf):
         raise MeshError(path, "file", "glTF or GLB", path.suffix)
     with parser_errors(path):
-        _ = asset.materials  # to find what is malformed
-        materials = Materials(textures := Textures(asset))
-        shapes: dict[Any, Shape] = {}
+        _ = len(asset.materials)  # to find what is malformed
+        materials = Materials(Textures(raw))
+        shapes: dict[int, Shape] = {}
         origins: dict[Shape, Origin] = {}
         objects = []
-        for drawn, placed in zip(asset.drawn, instances, strict=True):
-            if placed.is_flattened:  # a scale of zero hides, in glTF
+        for part in asset.parts:
+            if part.is_flattened:  # a scale of zero hides, in glTF
                 continue
-            if drawn.shape not in shapes:
-                shapes[drawn.shape], origin = _shape(drawn, placed, materials, textures)
+            if part.number not in shapes:
+                shapes[part.number], origin = _shape(asset, part, materials)
                 if origin:
-                    origins[shapes[drawn.shape]] = origin
-            matrix = np.eye(4) if placed.matrix is None else placed.matrix
-            objects.append(Object(shapes[drawn.shape], matrix, placed.name))
+                    origins[shapes[part.number]] = origin
+            matrix = np.eye(4) if part.node.matrix is None else part.node.matrix
+            objects.append(Object(shapes[part.number], matrix, part.name))
     if not objects:
         raise MeshError(path, "nodes", "at least one triangle to see", "none")
-    lines = dict.fromkeys([*(note for placed in instances for note in placed.notes), *textures.notes])
-    notes = tuple(printable(f"{path}: {note}") for note in lines)
-    return tuple(objects), asset, notes + materials.notes(), origins
+    asset.told.update(materials.notes())
+    return tuple(objects), asset, origins
 
 
-def _shape(
-    drawn: DrawnPrimitive, placed: Instance, materials: Materials, textures: Textures
-) -> tuple[Shape, Origin | None]:
-    """The shape of a drawn primitive, `placed` in the world, and its vertices' origin if some are repeated.
-
-    Raises: SceneError.
-    """
-    asset = textures.asset
-    path = textures.asset.path
-    primitive = drawn.primitive
-    uv, texture = textures.of_base(primitive) or (None, None)
-    source = f"{path}: {placed.name}"
-    mesh = Mesh(placed.vertices, placed.faces, placed.normals, source=source, opacity=placed.opacity)
-    occlusion = textures.of_occlusion(primitive)
-    with located(path, f"materials[{primitive.material}]"):
-        colours = vertex_colours(asset, primitive, placed.w)
-        material = materials.of(primitive, colours is not None)
-        shape = Shape(mesh, material, uv, texture, occlusion and Occlusion(*occlusion), colours=colours)
+def _shape(asset: Asset, part: Part, materials: Materials) -> tuple[Shape, Origin | None]:
+    """The shape of a primitive, and its vertices' origin if some are repeated. Raises: SceneError."""
+    primitive = asset.primitives[part.number]
+    number = -1 if primitive.material is None or not len(primitive.material) else int(primitive.material[0])
+    material = asset.material(number)
+    used = asset.looked_up(primitive, material.texture)
+    at = asset.looked_up(primitive, material.occlusion)
+    normals = primitive.columns[NORMAL].values if NORMAL in primitive.columns else None
+    opacity = asset.opacity_of(primitive) if asset.has_alpha else None
+    mesh = Mesh(primitive.positions, primitive.faces, normals, source=f"{asset.path}: {part.name}", opacity=opacity)
+    occlusion = Occlusion(at[0].values, at[1], material.occlusion.strength) if at and material.occlusion else None
+    with located(asset.path, f"materials[{number if number >= 0 else None}]"):
+        colours = primitive.shown_colours
+        shown = materials.of(number, colours is not None)
+        uv, texture = (used[0].values, used[1]) if used else (None, None)
+        shape = Shape(mesh, shown, uv, texture, occlusion, colours=colours)
         if shape.split is None:
             return shape, None
         split, of = shape.split

@@ -14,38 +14,39 @@ from pathlib import Path
 
 import numpy as np
 
-from obscurance.raytrace import BlinnPhong, Lambert, Material, Object, Scene, Settings, Shape, Texture
+from obscurance.raytrace import BlinnPhong, Lambert, Material, Object, Scene, Settings, Shape
 from obscurance.raytrace.errors import printable
-from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.mesh.corners import split_creases
 from obscurance.raytrace.mesh.warnings import lying_notes
 from obscurance.raytrace.types import Float64s
 
-from ..formats.load import MeshFile, load
+from ..asset import material as stored
+from ..asset.asset import Asset
+from ..formats.load import load
 from ..formats.objects import ObjectSelection
 from ..formats.table import is_raster
-from ..geometry.attributes import SourceAttributes, SourceMaterial
 from ..geometry.primitives import Origin, TexturedMesh
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, sun_and_sky, three_lights
 
 _COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
 
 
-def mesh_scene(
-    source: MeshFile, settings: Settings, up: str | None = None, view: str | None = None
-) -> SceneDescription:
+def mesh_scene(source: Asset, settings: Settings, up: str | None = None, view: str | None = None) -> SceneDescription:
     """The scene of a mesh, in its materials, the colours of its vertices, or grey. Args: up, view: as `framing`."""
     shapes = list(_shapes(source))
     objects = tuple(Object(shape, name=source.path.stem) for shape, _ in shapes)
     camera = framing(source.mesh, up, settings.width, settings.height, view)
-    lights = sun_and_sky() if is_raster(source.path) else three_lights(camera)
-    lit = Scene(objects, lights, BACKGROUND)
+    is_terrain = is_raster(source.path)
+    lit = Scene(objects, sun_and_sky() if is_terrain else three_lights(camera), BACKGROUND)
     notes = (*source.notes, *colours_left_out(source.path, source.unread), *lying_notes(source.mesh, up))
     origins = tuple(origin for _, origin in shapes)
-    return SceneDescription(lit, camera, settings, files=source.files, notes=notes, origins=origins)
+    return SceneDescription(
+        lit, camera, settings, files=source.files, notes=notes, origins=origins, lit_from_camera=not is_terrain,
+        is_framed=True,
+    )  # fmt: skip
 
 
-def reflection(material: SourceMaterial) -> Material:
+def reflection(material: stored.Material) -> Material:
     """A material of a mesh file as a reflection model."""
     if not any(material.specular) or not material.exponent:
         return Lambert(albedo=material.colour, emission=material.emission)
@@ -56,18 +57,16 @@ def reflection(material: SourceMaterial) -> Material:
     )
 
 
-def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
+def _shapes(source: Asset) -> Iterator[tuple[Shape, Origin | None]]:
     """The shapes of a mesh file, one for the faces of each material, and their origins in the file.
 
     Vertices are repeated at creases and where texture coordinates jump.
     """
     mesh = source.mesh
     total = len(mesh.vertices)
-    held = source.held
-    colours = linear_colours(held)
-    materials = () if held.material_of is None else held.materials
-    has_textures = any(material.texture for material in materials)
-    several = [held.of_triangles(held.uv)] if held.uv and has_textures else []
+    colours = linear_colours(source)
+    uv = source.per_corner("uv0") if any(material.texture for material in source.materials) else None
+    several = [uv] if uv else []
 
     # Vertices with one normal and one place in the texture each.
     mesh, _, of, corner_like = split_creases(mesh, several)
@@ -75,20 +74,20 @@ def _shapes(source: MeshFile) -> Iterator[tuple[Shape, Origin | None]]:
     if colours is not None:
         colours = colours[of]
     bare = NEUTRAL if colours is None else WHITE
-    if held.material_of is None:
+    if not source.materials:
         yield Shape(mesh, bare, colours=colours), origin
         return
 
     # The faces of each material, those without texture coordinates apart.
-    material_of = held.of_faces(held.material_of)
-    uv = several[0].values[several[0].of[corner_like]] if several else np.full((len(mesh.vertices), 2), np.nan)
-    has_uv = ~np.isnan(uv[mesh.faces]).any(axis=(1, 2))
+    material_of = np.concatenate([part.primitive.of_faces(part.primitive.material) for part in source.parts])
+    at_vertices = uv.values[uv.of[corner_like]] if uv else np.full((len(mesh.vertices), 2), np.nan)
+    has_uv = ~np.isnan(at_vertices[mesh.faces]).any(axis=(1, 2))
     group = 2 * material_of + has_uv
     parts = ObjectSelection(mesh, np.ones(len(group), np.bool_), group).parts()
     for number, (vertices, _, part) in zip(np.unique(group), parts, strict=True):
-        material = materials[number // 2] if number >= 0 else None
-        texture = Texture(material.texture) if material and material.texture and number % 2 else None
-        own_uv = uv[vertices] if texture else None
+        material = source.materials[number // 2] if number >= 0 else None
+        texture = material.texture.texture if material and material.texture and number % 2 else None
+        own_uv = at_vertices[vertices] if texture else None
         own_colours = None if colours is None else colours[vertices]
         shape = Shape(part, reflection(material) if material else bare, own_uv, texture, colours=own_colours)
         yield shape, Origin(of[vertices], total)
@@ -103,23 +102,19 @@ def read_mesh(path: Path, textured: bool, own_normals: bool = True) -> tuple[Tex
     """
     file = load(path, names=True)
     notes = [*file.notes, *colours_left_out(path, file.unread)]
-    attributes = file.held
-    colours = linear_colours(attributes)
-    uv = attributes.uv
-    several = []
-    if textured and uv is not None and not np.isnan(uv.values[uv.of]).any():
-        several = [attributes.of_triangles(uv)]
+    colours = linear_colours(file)
+    uv = file.per_corner("uv0") if textured else None
+    several = [uv] if uv and not np.isnan(uv.values[uv.of]).any() else []
     split = split_creases(file.mesh, several, own_normals)
     origin = Origin(split.vertices, len(file.mesh.vertices))
     of_corners = several[0].values[several[0].of[split.like]] if several else None
     return TexturedMesh(split.mesh, of_corners, origin, None if colours is None else colours[split.vertices]), notes
 
 
-def linear_colours(attributes: SourceAttributes) -> Float64s | None:
+def linear_colours(source: Asset) -> Float64s | None:
     """Linear RGB (n, 3) of the vertices in the file's order, None if they have none."""
-    if attributes.colors is None:
-        return None
-    return decode_srgb(attributes.colors[:, :3].clip(0, 1)).astype(float)
+    colours = source.colours()
+    return None if colours is None else colours[:, :3].clip(0.0, 1.0)
 
 
 def colours_left_out(path: Path, unread: Iterable[str]) -> list[str]:

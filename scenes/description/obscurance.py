@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from obscurance import ao
 from obscurance.ao.memory import vertex_bytes
-from obscurance.raytrace import EnvironmentLight, SkyLight
+from obscurance.raytrace import Camera, EnvironmentLight, SkyLight
 from obscurance.raytrace.renderer.render import seen_vertices
 from obscurance.raytrace.renderer.render_scene import release
 from obscurance.raytrace.scene import Scene
@@ -28,11 +29,14 @@ def with_obscurance(
     threads: int | None = None,
     progress: Progress | None = None,
     checkpoint: Kept | None = None,
+    cameras: Sequence[Camera] = (),
 ) -> tuple[Scene, ao.Bake | None]:
     """The scene with w(p) as `description.w_from` and `description.bake` ask, and the bake if there was one.
 
     Only vertices that the picture can show are baked; all else gets w = 1, and so do vertices of shapes with an
-    occlusion texture. w from a file stands in place of such textures. Args: checkpoint: as `ao.bake` takes it.
+    occlusion texture. w from a file stands in place of such textures.
+
+    Args: checkpoint: as `ao.bake` takes it. cameras: of several pictures, in place of the description's.
     """
     scene = description.scene
     # w that is known without a bake.
@@ -45,7 +49,8 @@ def with_obscurance(
     if all(item.shape.occlusion for item in scene.objects):
         return scene, None
     # Bake what the camera can see of shapes without an occlusion texture.
-    seen = seen_vertices(scene, description.camera, description.settings, threads)
+    views = cameras or [description.camera]
+    seen = np.any([seen_vertices(scene, view, description.settings, threads) for view in views], axis=0)
     textured = [item.shape.occlusion is not None for item in scene.objects]
     only = seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in scene.objects])
     # Without the geometry of the picture where both do not fit.

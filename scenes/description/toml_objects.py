@@ -146,9 +146,9 @@ class ObjectReader:
         if mesh not in self._gltf:
             from .gltf_scene import gltf_objects
 
-            self._gltf[mesh], asset, notes, origins = gltf_objects(mesh)
+            self._gltf[mesh], asset, origins = gltf_objects(mesh)
             self._gltf_origins |= origins
-            self.notes += notes
+            self.notes += asset.notes
             self.files.extend(asset.files)
         pieces = []
         for item in self._gltf[mesh]:

@@ -54,7 +54,9 @@ def read_toml(path: Path, size: tuple[int, int] | None) -> SceneDescription:
         scene = replace(scene, lights=three_lights(camera))
     origins = tuple(reader.origins.get(id(item.shape)) for item in objects)
     read = (path, *reader.files, *files)
-    return SceneDescription(scene, camera, settings, w_from, bake, read, tuple(reader.notes), origins, scales)
+    return SceneDescription(
+        scene, camera, settings, w_from, bake, read, tuple(reader.notes), origins, scales, lit_from_camera=not lights
+    )
 
 
 def _load(path: Path) -> dict[str, Any]:

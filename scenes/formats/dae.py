@@ -1,4 +1,4 @@
-"""COLLADA by pycollada: geometry where nodes place it, with materials, texture coordinates and colours of vertices.
+"""COLLADA by pycollada: geometry where nodes place it, with materials, normals, texture coordinates and colours.
 
 Of a material are read the colours and the picture of the COMMON profile: diffuse, emission, specular and shininess,
 which is taken for the exponent of Blinn–Phong. Format: COLLADA 1.4.1, chapter 8, "FX reference".
@@ -12,19 +12,17 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from obscurance.raytrace.mesh.mesh import PerCorner
 from obscurance.raytrace.types import Float64s, Int64s
 
-from ..geometry.attributes import SourceAttributes, SourceMaterial, find_picture
-from ..geometry.instances import Instance, check_copies
-from ..geometry.polygons import triangulate
+from ..asset.asset import Asset, Node
+from ..asset.material import Colour, Material, find_picture, picture
+from ..asset.primitive import COLOR, NORMAL, Column, ColumnSet, Primitive
+from ..geometry.instances import check_copies
 from .table import MeshInput
-from .threemf import check_archive
-
-Colour = tuple[float, float, float]
+from .threemf import check_archive, unit_in_words
 
 
-def read_dae(mesh_input: MeshInput) -> list[Instance]:
+def read_dae(mesh_input: MeshInput) -> Asset:
     """Every geometry where its nodes place it, its vertices once, whatever uses them.
 
     Raises: MeshError: very many copies, or an archive that unpacks to very much. Exception: of pycollada.
@@ -38,8 +36,10 @@ def read_dae(mesh_input: MeshInput) -> list[Instance]:
     if mesh_input.path.suffix.lower() == ".zae":
         check_archive(file, mesh_input.source)
     content = Collada(file, ignore=[DaeError])
-    up = str(content.assetInfo.upaxis or "y")[0].lower()
-    instances = []
+    primitives: list[Primitive] = []
+    nodes = []
+    materials: dict[Material, int] = {}
+    unread: dict[str, None] = {}
     placed_elements = 0
     for placed in _placed(content.scene) if content.scene else ():
         shape = placed.original
@@ -48,43 +48,51 @@ def read_dae(mesh_input: MeshInput) -> list[Instance]:
         for piece in shape.primitives:
             if isinstance(piece, Polylist | TriangleSet) and piece.vertex is not None:
                 sets.setdefault(id(piece.vertex), []).append(piece)
-        for primitives in sets.values():
-            vertices = np.asarray(primitives[0].vertex, np.float64)
-            corners = np.concatenate([np.ravel(piece.vertex_index) for piece in primitives]).astype(np.int64)
-            counts = [getattr(piece, "vcounts", np.full(len(piece.vertex_index), 3)) for piece in primitives]
-            sizes = np.concatenate(counts).astype(np.int64)
-            placed_elements += len(vertices) + len(corners)
+        for pieces in sets.values():
+            placed_elements += len(pieces[0].vertex) + sum(np.size(piece.vertex_index) for piece in pieces)
             check_copies(placed_elements, file.seek(0, os.SEEK_END), mesh_input.path)
-            # The polygons' triangles, placed by the node.
-            triangles = triangulate(vertices, corners, sizes, mesh_input.source)
-            instance = Instance(
-                str(shape.name or shape.id),
-                vertices,
-                triangles.take(corners),
-                matrix=np.asarray(placed.matrix, np.float64),
-                notes=triangles.notes,
-                up=up,
-            )
-            # What else the mesh has, for an output that can hold it.
-            if mesh_input.keep:
-                materials, unread = _materials(placed, primitives, mesh_input.path.parent)
-                attributes = SourceAttributes(
-                    corners,
-                    sizes,
-                    triangles,
-                    uv=_coordinates(primitives),
-                    colors=_colours(primitives, len(vertices)),
-                    materials=materials,
-                    material_of=np.repeat(np.arange(len(primitives)), [len(count) for count in counts]),
-                    files=tuple(material.texture for material in materials if material.texture),
-                )
-                instance = instance._replace(attributes=attributes, unread=unread)
-            instances.append(instance)
-    if content.errors and instances:
+            primitive = _primitive(pieces, mesh_input.source, unread)
+            used = _materials(placed, pieces, mesh_input.path.parent, unread)
+            numbers = [materials.setdefault(material, len(materials)) for material in used]
+            of_pieces = [len(_counts(piece)) for piece in pieces]
+            nodes.append(Node(str(shape.name or shape.id), (len(primitives),), np.asarray(placed.matrix, np.float64)))
+            primitives.append(primitive._replace(material=np.repeat(numbers, of_pieces)))
+    notes = [note for primitive in primitives for note in primitive.triangles.notes]
+    if content.errors and primitives:
         faults = " ".join(str(getattr(content.errors[0], "msg", content.errors[0])).split())
-        left_out = f"{len(content.errors):,} parts of the document are malformed and left out: {faults}"
-        instances[0] = instances[0]._replace(notes=(*instances[0].notes, left_out))
-    return instances
+        notes.append(f"{len(content.errors):,} parts of the document are malformed and left out: {faults}")
+    left_out = [name for name in ("cameras", "lights", "animations") if getattr(content, name)]
+    unread |= dict.fromkeys([*left_out, *unit_in_words(content.assetInfo.unitmeter or 1.0)])
+    up = str(content.assetInfo.upaxis or "y")[0].lower()
+    pictures = tuple(path for material in materials for path in material.pictures)
+    return Asset(
+        mesh_input.path, tuple(primitives), tuple(nodes), tuple(materials),
+        up=up, told=dict.fromkeys(notes), unread=tuple(unread), pictures=pictures,
+    )  # fmt: skip
+
+
+def _primitive(pieces: list[Any], source: str, unread: dict[str, None]) -> Primitive:
+    """Primitives of a geometry that share vertices, as one. Args: unread: gets what is left out, in words."""
+    vertices = np.asarray(pieces[0].vertex, np.float64)
+    corners = np.concatenate([np.ravel(piece.vertex_index) for piece in pieces]).astype(np.int64)
+    sizes = np.concatenate([_counts(piece) for piece in pieces]).astype(np.int64)
+    columns: dict[str, Column] = {}
+    if uv := _column(pieces, "TEXCOORD", 2):
+        columns["uv0"] = uv
+    if normals := _column(pieces, "NORMAL", 3):
+        columns[NORMAL] = normals.of_vertices(corners, len(vertices))
+    if all(piece.sources.get("COLOR") for piece in pieces) and (colours := _column(pieces, "COLOR", 3)):
+        of_vertices = np.ones((len(vertices), 3))
+        of_vertices[corners] = colours.values[colours.of].clip(0, 1)
+        columns[COLOR] = Column(of_vertices, srgb=True)
+        if colours.of_vertices(corners, len(vertices)).of is not None:
+            unread["colours of corners, where a vertex has several"] = None
+    return Primitive.of(vertices, corners, sizes, source, columns=ColumnSet(columns))
+
+
+def _counts(piece: Any) -> Any:
+    """How many corners each polygon of a primitive has."""
+    return getattr(piece, "vcounts", np.full(len(piece.vertex_index), 3))
 
 
 def _placed(scene: Any) -> Iterator[Any]:
@@ -108,65 +116,48 @@ def unit(file: BinaryIO) -> float:
     return float(element.get("meter", 1.0)) if element.tag.endswith("unit") else 0.0
 
 
-def _coordinates(pieces: list[Any]) -> PerCorner | None:
-    """The first set of texture coordinates of all corners, NaN where a primitive has none; None if none has."""
-    if not any(len(piece.texcoord_indexset) for piece in pieces):
-        return None
+def _column(pieces: list[Any], semantic: str, width: int) -> Column | None:
+    """The first values of a semantic by the corners of all primitives, NaN where one has none; None if none has."""
     values: list[Float64s] = []
     of: list[Int64s] = []
     for piece in pieces:
-        start = sum(map(len, values))
-        if len(piece.texcoord_indexset):
-            of.append(np.ravel(piece.texcoord_indexset[0]).astype(np.int64) + start)
-            values.append(np.asarray(piece.texcoordset[0], np.float64)[:, :2])
-        else:
-            of.append(np.full(np.size(piece.vertex_index), start))
-            values.append(np.full((1, 2), np.nan))
-    return PerCorner(np.concatenate(values), np.concatenate(of))
+        found = piece.sources.get(semantic)
+        own, rows = np.full((1, width), np.nan), np.zeros(np.size(piece.vertex_index), np.int64)
+        if found:
+            own = np.asarray(found[0][4].data, np.float64)[:, :width]
+            rows = np.reshape(piece.index, (-1, piece.index.shape[-1]))[:, found[0][0]].astype(np.int64)
+        of.append(rows + sum(map(len, values)))
+        values.append(own)
+    if not any(piece.sources.get(semantic) for piece in pieces):
+        return None
+    return Column(np.concatenate(values), np.concatenate(of))
 
 
-def _colours(pieces: list[Any], count: int) -> Float64s | None:
-    """Colours (n, 3) of the vertices, each from one of its corners; None unless all primitives have some."""
-    colours = np.ones((count, 3))
-    for piece in pieces:
-        sources = piece.sources.get("COLOR")
-        if not sources:
-            return None
-        offset = sources[0][0]
-        values = np.asarray(sources[0][4].data, np.float64)[:, :3]
-        places = np.reshape(piece.index, (-1, piece.index.shape[-1]))[:, offset]
-        colours[np.ravel(piece.vertex_index)] = values[places].clip(0, 1)
-    return colours
-
-
-def _materials(placed: Any, pieces: list[Any], folder: Path) -> tuple[tuple[SourceMaterial, ...], tuple[str, ...]]:
-    """The material of each primitive as its node binds it, and textures that are left out, in words."""
-    materials = []
-    unread = []
+def _materials(placed: Any, pieces: list[Any], folder: Path, unread: dict[str, None]) -> Iterator[Material]:
+    """The material of each primitive as its node binds it. Args: unread: gets textures that are left out, in words."""
     for piece in pieces:
         node = placed.materialnodebysymbol.get(piece.material)
         material = node.target if node else None
         name = str(piece.material or "default")
         if material is None:
-            materials.append(SourceMaterial(name))
+            yield Material(name)
             continue
         effect = material.effect
         texture = None
         if sampler := getattr(effect.diffuse, "sampler", None):  # an image in place of a colour
-            picture = str(sampler.surface.image.path)
-            texture = find_picture(unquote(picture), folder) or find_picture(picture, folder)
-            unread += [] if texture else [f"texture of diffuse ({picture})"]
+            path = str(sampler.surface.image.path)
+            texture = find_picture(unquote(path), folder) or find_picture(path, folder)
+            if not texture:
+                unread[f"texture of diffuse ({path})"] = None
         shininess = effect.shininess
-        made = SourceMaterial(
+        yield Material(
             str(material.name or name),
             _colour(effect.diffuse, 1.0),
             emission=_colour(effect.emission, 0.0),
             specular=_colour(effect.specular, 0.0),
             exponent=float(shininess) if isinstance(shininess, int | float) and shininess > 0 else 0.0,
-            texture=texture,
+            texture=picture(texture),
         )
-        materials.append(made)
-    return tuple(materials), tuple(dict.fromkeys(unread))
 
 
 def _colour(value: Any, otherwise: float) -> Colour:

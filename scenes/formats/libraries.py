@@ -10,8 +10,8 @@ import numpy as np
 
 from obscurance.raytrace.errors import MeshError
 
-from ..geometry.instances import Instance
-from ..geometry.polygons import triangulate
+from ..asset.asset import Asset
+from ..asset.primitive import Primitive
 from .table import MeshInput
 
 _MESHIO = (  # not those by HDF5 and XDMF, which read any file that the content names
@@ -26,7 +26,7 @@ def library_endings() -> tuple[str, ...]:
     return tuple(f".{ending}" for ending in _MESHIO if find_spec("meshio"))
 
 
-def read_by_library(mesh_input: MeshInput) -> list[Instance]:
+def read_by_library(mesh_input: MeshInput) -> Asset:
     """The placed objects of a file with one of `library_endings`. Raises: Exception: what meshio raises."""
     path = mesh_input.path
     if mesh_input.is_on_disk:
@@ -37,12 +37,15 @@ def read_by_library(mesh_input: MeshInput) -> list[Instance]:
         return _meshio(copy, path)
 
 
-def _meshio(file: Path, path: Path) -> list[Instance]:
+def _meshio(file: Path, path: Path) -> Asset:
     """Triangles and quads. meshio prints what each of its readers has to say, and ends the process if none can."""
     import meshio
 
     if path.suffix.lower() == ".inp" and _includes(file):
         raise MeshError(path, "content", "all of the mesh in one file", "*INCLUDE")
+    if path.suffix.lower() == ".msh" and _is_mujoco(file):
+        expected = "a mesh of Gmsh or Ansys, or one of MuJoCo in its other formats, .obj and .stl"
+        raise MeshError(path, "content", expected, "MuJoCo's own .msh")
     output = io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         try:
@@ -53,15 +56,23 @@ def _meshio(file: Path, path: Path) -> list[Instance]:
     blocks = [block for block in content.cells if block.type in _SURFACES]
     corners = np.concatenate([np.empty(0, np.int64), *(np.ravel(block.data) for block in blocks)]).astype(np.int64)
     sizes = np.concatenate([np.empty(0, np.int64), *(np.full(*np.shape(block.data)) for block in blocks)])
-    cut = triangulate(content.points, corners, sizes, str(path))
+    primitive = Primitive.of(content.points, corners, sizes, str(path))
     other_types = sorted({block.type for block in content.cells} - {*_SURFACES, "vertex", "line"})
     left_out = (
         (f"{', '.join(other_types)} cells are left out: only triangles and quads are read",) if other_types else ()
     )
-    return [Instance(path.stem, content.points, cut.take(corners), notes=cut.notes + left_out)]
+    return Asset.single(path, path.stem, primitive, left_out)
 
 
 def _includes(file: Path) -> bool:
     """Whether a file of Abaqus has the keyword by which it includes any other."""
     with file.open(errors="replace") as lines:
         return any(line.partition(",")[0].strip().replace("*", "").upper() == "INCLUDE" for line in lines)
+
+
+def _is_mujoco(file: Path) -> bool:
+    """Whether a file is as long as the four counts at its beginning say: of vertices, normals, texture coordinates and
+    triangles (MuJoCo's XML reference, mesh)."""
+    with file.open("rb") as content:
+        counts = np.frombuffer(content.read(16), "<i4")
+    return len(counts) == 4 and 16 + 4 * int(counts @ np.array([3, 3, 2, 3])) == file.stat().st_size

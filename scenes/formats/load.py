@@ -6,29 +6,21 @@ import io
 import os
 import sys
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from obscurance.raytrace.errors import InputError, MeshError, ObscuranceError, OptionError, first_names, printable
-from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
+from obscurance.raytrace.errors import InputError, MeshError, ObscuranceError, OptionError
 from obscurance.raytrace.mesh.normals import useless_normals
 from obscurance.raytrace.system.checks import check_memory, check_regular
-from obscurance.raytrace.types import Float64s
 
-from ..geometry.attributes import FLOAT, SourceAttributes, reversed_attributes, triangle_attributes
-from ..geometry.instances import Instance, Submesh, flatten, joined_attributes
+from ..asset.asset import Asset
+from ..asset.primitive import COLOR, FLOAT, NORMAL, Primitive, W
 from .table import MeshInput, format_of, formats, sniffed_format
-
-if TYPE_CHECKING:
-    from obscurance.ao import Profile
-
-    from .gltf.asset import Gltf
 
 _CONVERTERS = dict.fromkeys((".abc", ".blend", ".fbx", ".usd", ".usda", ".usdc", ".usdz"), "Blender") | dict.fromkeys(
     (".iges", ".igs", ".step", ".stp"), "FreeCAD"
@@ -41,114 +33,6 @@ _CHUNK = 1 << 26
 _TRIANGLES, _TRIANGLE, _HEAD = slice(80, 84), 50, 84  # of a binary STL
 
 
-class MeshFile(NamedTuple):
-    """A mesh file's content.
-
-    Attributes:
-        path: where it was read.
-        mesh: all objects in world space, repeated nodes repeated. The vertices of each object are the file's, in its
-            order: none merged, split, dropped or added.
-        parts: the objects, consecutive in `mesh`.
-        gltf: the asset as stored, when the file is glTF or GLB.
-        attributes: what else the file holds that the target can hold too, if one was named.
-        notes: warnings about the objects.
-        unread: what the file holds and the mesh lacks, in words, if a target was named.
-        w: (n,) obscurance that a bake has left in the file, unchecked, or None. profile: of it, or None.
-        cloud: points and normals (k, 3) of a file of points, of which `mesh` has the discs; or None.
-        to_system: (4, 4), of a raster, from the mesh to coordinates of its reference system; or None: they are these.
-    """
-
-    path: Path
-    mesh: Mesh
-    parts: tuple[Submesh, ...]
-    gltf: Gltf | None = None
-    attributes: SourceAttributes | None = None
-    notes: tuple[str, ...] = ()
-    unread: tuple[str, ...] = ()
-    w: Float64s | None = None
-    profile: Profile | None = None
-    cloud: tuple[Float64s, Float64s] | None = None
-    to_system: Float64s | None = None
-
-    def __repr__(self) -> str:
-        return f"<MeshFile {str(self.path)!r}: {self.mesh!r}, objects: {first_names(self.objects, 3)}>"
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """Every file that was read, or will be when the mesh is written."""
-        named = self.gltf.files if self.gltf else (self.path,)
-        return named + self.held.files
-
-    @property
-    def objects(self) -> tuple[str, ...]:
-        """Names of the objects: of an OBJ file, loaded for a target, or else of the parts."""
-        held = self.held
-        if held.object_of is None:
-            return tuple(part.name for part in self.parts)
-        names = (*held.objects, "")
-        return tuple(names[number] or self.parts[0].name for number in np.unique(held.object_of))
-
-    def in_frame_of(self, other: MeshFile) -> Self:
-        """The file with its mesh where it lies among the coordinates of another: of a raster, or of its system."""
-        if self.to_system is None and other.to_system is None:
-            return self
-        one, to = (np.eye(4) if file.to_system is None else file.to_system for file in (self, other))
-        matrix = np.linalg.solve(to, one)
-        vertices = self.mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
-        return self._replace(mesh=replace(self.mesh, vertices=vertices))
-
-    @property
-    def split(self) -> Mesh:
-        """The mesh with a vertex for each normal that corners of one have, the mesh's own first, in their order.
-
-        A bake of it in place of `mesh` has w of each side of hard edges, for outputs that can hold it.
-        """
-        from obscurance.raytrace.mesh.corners import with_hard_edges
-
-        return with_hard_edges(self.mesh)
-
-    def baked_mesh(self, count: int) -> Mesh:
-        """The mesh of a bake of `count` vertices, `mesh` or `split`. Raises: OptionError: neither."""
-        mesh = self.mesh if count == len(self.mesh.vertices) else self.split
-        if count != len(mesh.vertices):
-            raise OptionError("bake", f"w of the {len(self.mesh.vertices):,} vertices of {self.path}", f"{count:,}")
-        return mesh
-
-    @property
-    def held(self) -> SourceAttributes:
-        """The file's `attributes`, or where it has none those of the bare triangles."""
-        return self.attributes or triangle_attributes(self.mesh.faces)
-
-    @property
-    def uv(self) -> Float64s | None:
-        """The first set of `texture_coordinates`."""
-        return self.texture_coordinates()
-
-    def texture_coordinates(self, number: int = 0) -> Float64s | None:
-        """By face and corner (m, 3, 2), v upwards, NaN of faces without; None if there are none.
-
-        Args: number: of the set, of which a glTF may have several.
-
-        Raises: MeshError: a set of a glTF is malformed.
-        """
-        if self.gltf:
-            from .gltf.textures import texture_coordinates
-
-            return texture_coordinates(self.gltf, self.parts, self.mesh.faces, number)
-        attributes = self.attributes
-        if attributes is None and "uv" in format_of(self.path).holds and self.path.is_file():
-            attributes = joined_attributes(read_objects(self.path, keep=True)[0])  # loaded for no target
-        uv = attributes.corner_uv() if attributes and not number else None
-        return uv if uv is not None and len(uv) == len(self.mesh.faces) else None
-
-    @classmethod
-    def of(cls, mesh: Mesh | Any) -> MeshFile:
-        """A mesh made in memory, in any form that `ao.bake` takes, as if read from a file of its one object."""
-        mesh = mesh_of(mesh, "mesh")
-        whole = Submesh(mesh.source, slice(0, len(mesh.vertices)), slice(0, len(mesh.faces)))
-        return cls(Path(mesh.source), mesh, (whole,))
-
-
 def load(
     path: str | os.PathLike[str],
     target: str | os.PathLike[str] | None = None,
@@ -158,21 +42,21 @@ def load(
     names: bool = False,
     flip: bool = False,
     points: bool = False,
-) -> MeshFile:
+) -> Asset:
     """Read a mesh file in the format of its ending.
 
-    Polygons are cut into triangles. Point clouds, lines and cameras beside meshes are left out. A file's own
-    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn`, glTF `NORMAL`), or `mesh.corner_normals` where a
-    vertex has several. Materials,
-    textures and the like are read for a target only, but for the alpha of faces (`mesh.opacity`). Files that a file
-    refers to are read only from its own folder or below.
+    Polygons are cut into triangles in `mesh`. Point clouds, lines and cameras beside meshes are left out. A file's own
+    normals fill `mesh.normals` (PLY `nx ny nz`, OBJ `vn`, glTF `NORMAL`), or `mesh.corner_normals` where a vertex has
+    several. Texture coordinates, colours and the like are read when they are used. Files that a file refers to are
+    read only from its own folder or below.
 
     Args:
-        target: the file that `scenes.write` is to make of it: what that can hold besides is read too.
+        target: the file that `scenes.write` is to make of it: it is checked for this, and what the target cannot hold
+            takes no memory.
         content: the file's bytes, if they came from elsewhere; `path` then only names it and its format.
         alpha: whether faces have the alpha of their glTF or OBJ materials; otherwise they are opaque.
         up: `mesh.up` in place of what the file says.
-        names: read those of an OBJ's objects whatever the target, with all that is kept beside them.
+        names: keep all whatever the target, such as the names of objects.
         points: whether it is a cloud of points with normals, and no faces: the mesh is of a disc for each.
         flip: turn all faces over, and normals with them; what is written has them turned.
 
@@ -183,73 +67,67 @@ def load(
     """
     path = Path(path)
     aim = format_of(target or "")
-    keep = names or "source" in aim.holds or aim.ending == ".html"
-    instances, asset = read_objects(path, keep, content, alpha, points)
-    cloud = None
-    if points:
-        instances, cloud = _cloud(instances, path)
-    instances = [instance._replace(up=up or instance.up) for instance in instances]
+    is_scene = "scene" in format_of(path).holds
+    keeps = not target or names or "source" in aim.holds or aim.ending == ".html"
+    asset = read_asset(path, content, alpha, points)
+    asset = replace(asset, up=up or asset.up)
     with parser_errors(path):
-        mesh, parts = flatten(instances, str(path))
-        attributes = joined_attributes(instances)
-        if attributes and attributes.uv and (np.abs(attributes.uv.values) > FLOAT).any():
-            raise MeshError(path, "texture coordinates", f"numbers to {FLOAT:g}, for float32", "larger ones")
-        unread = tuple(dict.fromkeys(words for instance in instances for words in instance.unread))
-        if asset and "source" in aim.holds:
-            _ = asset.materials  # to find what is malformed
-            if "scene" not in aim.holds:
-                from .gltf.textures import gltf_attributes
-
-                attributes, unread = gltf_attributes(asset, parts, mesh.faces)
-    notes = tuple(printable(f"{path}: {note}") for instance in instances for note in instance.notes)
-    with np.errstate(invalid="ignore"):  # signalling NaNs, which are no w
-        stored = [np.asarray(instance.w, np.float64) for instance in instances if instance.w is not None]
+        if points:
+            asset = _of_points(asset)
+        if not keeps and not asset.has_alpha:  # frees memory before the mesh takes some
+            bare = (one._replace(columns=one.columns.only(NORMAL, W)) for one in asset.primitives)
+            asset = replace(asset, raw=None, pictures=asset.files[1:], primitives=tuple(bare))
+        mesh = asset.mesh
+        if "source" in aim.holds:
+            _ = len(asset.materials)  # to find what is malformed
+            if is_scene and "scene" not in aim.holds:
+                asset = _without_malformed(asset)
+        if keeps and target and not (is_scene and "scene" in aim.holds):
+            uv = asset.columns("uv0") or ()
+            if any(column and (np.abs(column.values) > FLOAT).any() for column in uv):
+                raise MeshError(path, "texture coordinates", f"numbers to {FLOAT:g}, for float32", "larger ones")
     if useless := useless_normals(mesh):
         of = f"{useless:,} of {mesh.faces.size:,} normals at corners are missing, zero, not finite or behind their face"
-        notes += (printable(f"{path}: {of}; those of the faces take their place"),)
-    w = np.concatenate(stored) if len(stored) == len(instances) else None
+        asset.told[f"{of}; those of the faces take their place"] = None
     if flip:
-        if asset and aim.ending == ".glb":
+        if aim.ending == ".glb" and is_scene:
             raise OptionError("flip", "another mesh file than a glTF for a .glb, which keeps its faces", path)
-        mesh = mesh.reversed()
-        attributes = attributes and reversed_attributes(attributes)
-    profile, to_system = joined_profile(instances), instances[0].to_system
-    return MeshFile(path, mesh, parts, asset, attributes, notes, unread, w, profile, cloud, to_system)
+        asset = asset.reversed()
+    return asset if keeps else asset.bare()
 
 
-def _cloud(instances: list[Instance], path: Path) -> tuple[list[Instance], tuple[Float64s, Float64s]]:
-    """Discs in place of the points, and the points and normals (k, 3) themselves. Raises: MeshError."""
-    from obscurance.ao.methods.point_values import discs
+def _without_malformed(asset: Asset) -> Asset:
+    """The asset, without texture coordinates and colours if they are malformed, which `unread` tells."""
+    for name in ("uv0", COLOR):
+        try:
+            asset.columns(name)
+        except MeshError as fault:
+            kept = (one._replace(columns=one.columns.only(*{*one.columns} - {name})) for one in asset.primitives)
+            changed = replace(asset, primitives=tuple(kept), unread=(*asset.unread, fault.field))
+            asset = changed.with_mesh(asset.mesh)
+    return asset
 
-    whole = instances[0]
-    if len(instances) > 1 or len(whole.faces) or whole.normals is None:
+
+def _of_points(asset: Asset) -> Asset:
+    """A cloud of points with normals as their discs. Raises: MeshError: the file is none."""
+    from obscurance.ao.points.discs import discs
+
+    normals = asset.at_vertices(NORMAL)
+    faces = sum(part.faces.stop - part.faces.start for part in asset.parts)
+    if len(asset.parts) > 1 or faces or normals is None:
         expected = "one cloud of points with normals, without faces"
-        got = "faces" if len(whole.faces) else "points without normals" if whole.normals is None else "several"
-        raise MeshError(path, "points", expected, got)
-    places = np.asarray(whole.vertices, np.float64)
-    normals = np.asarray(whole.normals, np.float64)
-    mesh = discs(places, normals, str(path)).mesh
-    return [whole._replace(vertices=mesh.vertices, faces=mesh.faces, normals=None)], (places, normals)
+        got = "faces" if faces else "points without normals" if normals is None else "several"
+        raise MeshError(asset.path, "points", expected, got)
+    places = np.asarray(asset.primitives[0].positions, np.float64)
+    mesh = discs(places, normals, str(asset.path)).mesh
+    discs_of = Primitive.of(mesh.vertices, mesh.faces.ravel())
+    return replace(asset, primitives=(discs_of,), cloud=(places, normals), has_alpha=False)
 
 
-def joined_profile(instances: Sequence[Instance]) -> Profile | None:
-    """The profile of all objects, None where one has none, or another's half-distances."""
-    profiles = [instance.profile for instance in instances if instance.profile]
-    if len(profiles) < len(instances):
-        return None
-    from obscurance.ao import Profile
+def read_asset(path: Path, content: bytes | None = None, alpha: bool = False, points: bool = False) -> Asset:
+    """The content of a mesh file as it stores it. Raises: MeshError: as `load`.
 
-    return Profile.joined(profiles)
-
-
-def read_objects(
-    path: Path, keep: bool = False, content: bytes | None = None, alpha: bool = False, points: bool = False
-) -> tuple[list[Instance], Gltf | None]:
-    """The placed objects of a mesh file as it stores them, at least one, and the asset when it is glTF or GLB.
-
-    Of a glTF they are its drawn primitives, in the order of `Gltf.drawn`. Raises: MeshError: as `load`.
-
-    Args: keep: also the `Instance.attributes` of OBJ and PLY. content, alpha, points: as `load` takes them.
+    Args: content, alpha, points: as `load` takes them.
     """
     row = format_of(path)
     name = "mesh" if path.stem == PIPED else path.stem
@@ -268,18 +146,20 @@ def read_objects(
         size = path.stat().st_size if content is None else len(content)
         if size == 0:
             raise MeshError(path, "content", "a mesh", "an empty file")
-        check_memory(path, int((row.peak + (_KEPT if keep else 0)) * size), f"to read {size:,} bytes")
+        check_memory(path, int((row.peak + _KEPT) * size), f"to read {size:,} bytes")
         with path.open("rb") if content is None else io.BytesIO(content) as file:
-            result = resolve_name(row.read)(MeshInput(file, path, name, keep, alpha, content is None))
-        instances, asset = result if isinstance(result, tuple) else (result, None)
+            asset: Asset = resolve_name(row.read)(MeshInput(file, path, name, alpha, content is None))
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
-        if solid := [instance for instance in instances if asset or len(instance.faces)]:
-            return solid, asset
-        if points and instances:
-            return instances, asset
-        count = sum(len(instance.vertices) for instance in instances)
+        is_scene = "scene" in row.holds
+        has_faces = [one.triangles.counts.any() for one in asset.primitives]
+        nodes = tuple(node for node in asset.nodes if is_scene or any(has_faces[number] for number in node.primitives))
+        if nodes:
+            return replace(asset, nodes=nodes)
+        if points and asset.nodes:
+            return asset
+        count = sum(len(asset.primitives[number].positions) for node in asset.nodes for number in node.primitives)
         besides = "no vertices: perhaps it is no OBJ" if row.name == "OBJ" and not count else f"{count} points"
-        if any(instance.normals is not None for instance in instances):
+        if any(NORMAL in primitive.columns for primitive in asset.primitives):
             besides += " with normals: bake --points takes those"
         raise MeshError(path, "faces", "at least one triangle", f"none, and {besides}")
 
@@ -348,7 +228,7 @@ def unit_of(path: Path, content: bytes | None = None) -> float:
     return found
 
 
-def load_mesh(path: Path) -> MeshFile:
+def load_mesh(path: Path) -> Asset:
     """A mesh file with all that is kept, or standard input for "-". Raises: as `load` and `standard_input`."""
     piped, content = standard_input(None) if path == STANDARD else (path, None)
     return load(piped, "described.glb", content)

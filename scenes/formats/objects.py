@@ -14,12 +14,10 @@ from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
 from obscurance.raytrace.types import Bools, Float64s, Int64s
 
-from .primitive_groups import primitive_groups
-
 if TYPE_CHECKING:
     from obscurance.ao.falloff import Falloff
 
-    from .load import MeshFile
+    from ..asset.asset import Asset
 
 _LISTED = 8  # names in a message
 
@@ -94,7 +92,7 @@ class ObjectSelection(NamedTuple):
 
 
 def select_objects(
-    source: MeshFile,
+    source: Asset,
     receive: Sequence[str] = (),
     cast: Sequence[str] = (),
     exclude: Sequence[str] = (),
@@ -131,8 +129,8 @@ def select_objects(
         return ObjectSelection(mesh, received)
     group = np.zeros(len(mesh.faces), np.int64)
     numbers = dict[Hashable, int]()
-    for piece in primitive_groups(source):
-        group[piece.faces] = numbers.setdefault(getattr(piece.object, "name" if by == "name" else "key"), len(numbers))
+    for run in source.runs():
+        group[run.faces] = numbers.setdefault(getattr(run.object, "name" if by == "name" else "key"), len(numbers))
     return ObjectSelection(mesh, received, group)
 
 
@@ -141,7 +139,7 @@ def _without(mesh: Mesh, faces: Bools) -> Mesh:
     return replace(mesh, faces=np.where(faces[:, None], mesh.faces[~faces][0, 0], mesh.faces))
 
 
-def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
+def match(low: Asset, high: Sequence[Asset]) -> tuple[Int64s, Int64s]:
     """Groups of vertices (n,) of a coarse file and of fine ones, by objects' names as far as "_low" and "_high".
 
     Raises: OptionError: an object of `low` has no fine one.
@@ -150,8 +148,8 @@ def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
     object_numbers = []
     for file, suffix in ((low, "_low"), *((high_file, "_high") for high_file in high)):
         of = np.full(len(file.mesh.vertices), -1)
-        for piece in primitive_groups(file):
-            of[file.mesh.faces[piece.faces]] = numbers.setdefault(piece.object.name.partition(suffix)[0], len(numbers))
+        for run in file.runs():
+            of[file.mesh.faces[run.faces]] = numbers.setdefault(run.object.name.partition(suffix)[0], len(numbers))
         object_numbers.append(of)
     of_low = object_numbers[0]
     of_high = np.concatenate(object_numbers[1:])
@@ -162,10 +160,10 @@ def match(low: MeshFile, high: Sequence[MeshFile]) -> tuple[Int64s, Int64s]:
     return of_low, of_high
 
 
-def _named(source: MeshFile, option: str, patterns: Sequence[str], lenient: bool = False) -> Bools:
+def _named(source: Asset, option: str, patterns: Sequence[str], lenient: bool = False) -> Bools:
     """The faces (m,) of objects that match any of the patterns."""
     is_named = np.zeros(len(source.mesh.faces), np.bool_)
-    objects = [(piece.object.name, piece.faces) for piece in primitive_groups(source)]
+    objects = [(run.object.name, run.faces) for run in source.runs()]
     for pattern in patterns:
         wanted = pattern.removeprefix("!")
         matches = {name for name, _ in objects if name == wanted or fnmatchcase(name, wanted)}

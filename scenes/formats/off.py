@@ -8,16 +8,16 @@ import re
 
 from obscurance.raytrace.errors import MeshError
 
-from ..geometry.instances import Instance
-from ..geometry.polygons import triangulate
+from ..asset.asset import Asset
+from ..asset.primitive import NORMAL, Column, ColumnSet, Primitive
 from .number_rows import NumberRows, whole
 from .table import MeshInput
 
 _HEADER = re.compile(rb"(?:\s|#[^\n\r]*+)*+((?:ST)?C?N?)OFF\b(?!\s+BINARY)")
 
 
-def read_off(mesh_input: MeshInput) -> list[Instance]:
-    """The triangles, with normals of the variant N; no colours. Raises: MeshError, ValueError: it is malformed."""
+def read_off(mesh_input: MeshInput) -> Asset:
+    """The polygons, with normals of the variant N; no colours. Raises: MeshError, ValueError: it is malformed."""
     source = mesh_input.source
     data = mesh_input.file.read()
     header = _HEADER.match(data)
@@ -39,21 +39,12 @@ def read_off(mesh_input: MeshInput) -> list[Instance]:
         raise MeshError(source, "content", expected, "an end before that")
     fault = MeshError(source, "content", expected, "lines of fewer numbers")
     has_normals = b"N" in header[1]
-    columns = 6 if has_normals else 3
-    vertex_rows = lines.take(of_vertices, 0, columns, fault).reshape(-1, columns)
+    width = 6 if has_normals else 3
+    vertex_rows = lines.take(of_vertices, 0, width, fault).reshape(-1, width)
     sizes, values = lines.take_lists(of_faces, 0, fault)
     corners = whole(values)
-    vertices = vertex_rows[:, :3]
-    triangles = triangulate(vertices, corners, sizes, source)
+    columns = ColumnSet({NORMAL: Column(vertex_rows[:, 3:])} if has_normals else {})
+    primitive = Primitive.of(vertex_rows[:, :3], corners, sizes, source, columns=columns)
     has_colours = b"C" in header[1] or bool((lines.lengths[of_faces] > sizes + 1).any())
-    return [
-        Instance(
-            mesh_input.name,
-            vertices,
-            triangles.take(corners),
-            vertex_rows[:, 3:] if has_normals else None,
-            notes=triangles.notes,
-            unread=("colours",) if has_colours else (),
-            polygons=triangles.polygons,
-        )
-    ]
+    unread = ("colours",) if has_colours else ()
+    return Asset.single(mesh_input.path, mesh_input.name, primitive, unread=unread)

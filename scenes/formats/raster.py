@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
+from collections.abc import Container
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,8 +21,9 @@ from obscurance.raytrace.errors import MeshError, OptionError
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Bools, Float64s
 
-from ..geometry.instances import Instance
-from .load import MeshFile, parser_errors
+from ..asset.asset import Asset
+from ..asset.primitive import Primitive
+from .load import parser_errors
 from .table import MeshInput, format_of, is_raster
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ _KEPT = "width", "height", "crs", "transform"
 _BANDS = {"obscurance": "w", "standard error": "error"}  # of a result, and what is in them
 
 
-def read_raster(mesh_input: MeshInput) -> list[Instance]:
+def read_raster(mesh_input: MeshInput) -> Asset:
     """The surface through the cells of the first band, z upwards.
 
     Raises: MeshError: no cell has data, cells are in degrees, or there are several bands. Others as `opened`.
@@ -73,7 +75,8 @@ def read_raster(mesh_input: MeshInput) -> list[Instance]:
         faces = faces[:, ::-1]
     to_system = np.diag([1 / unit, 1 / unit, 1 / unit, 1.0])
     to_system[:2, 3] = transform.c, transform.f
-    return [Instance(mesh_input.name, vertices, faces, up="z", notes=notes, to_system=to_system)]
+    surface = Primitive.of(vertices, faces.ravel())
+    return Asset.single(mesh_input.path, mesh_input.name, surface, notes, up="z", to_system=to_system)
 
 
 def _unit_of(raster: DatasetReader, source: str) -> float:
@@ -145,14 +148,14 @@ def opened(file: Any, source: str) -> DatasetReader:
     return raster
 
 
-def raster(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
+def raster(bake: Bake, asset: Asset, _: object) -> bytes:
     """A GeoTIFF of w and, as a second band, its standard error where that is known, float32.
 
     Raises: OptionError: what was baked is no raster.
     """
-    if not is_raster(mesh_file.path):
-        raise OptionError("output", "an image of a texture, or terrain as the input", mesh_file.path)
-    path = mesh_file.path
+    if not is_raster(asset.path):
+        raise OptionError("output", "an image of a texture, or terrain as the input", asset.path)
+    path = asset.path
     with parser_errors(path), path.open("rb") as file, opened(file, str(path)) as source:
         has_data = cells_of(source).has_data
         grid = {name: source.profile[name] for name in _KEPT}
@@ -172,9 +175,16 @@ def raster(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
     return content
 
 
-def stored_columns(path: Path) -> dict[str, Float64s]:
-    """`w` and `error` of the cells with data, as far as a bake has left them in a raster. Raises: as `opened`."""
+def stored_columns(path: Path, wanted: Container[str]) -> dict[str, Float64s]:
+    """The `wanted` of `w` and `error`, of the cells with data, as far as a bake has left them in a raster.
+
+    Raises: as `opened`.
+    """
     with path.open("rb") as file, opened(file, str(path)) as source:
         has_data = source.read_masks(1) > 0
-        numbers = {_BANDS[name]: number for number, name in enumerate(source.descriptions, 1) if name in _BANDS}
-        return {column: source.read(number)[has_data].astype(np.float64) for column, number in numbers.items()}
+        columns = {number: _BANDS.get(name, "") for number, name in enumerate(source.descriptions, 1)}
+        return {
+            column: source.read(number)[has_data].astype(np.float64)
+            for number, column in columns.items()
+            if column in wanted
+        }

@@ -10,7 +10,8 @@ import numpy as np
 
 from obscurance.raytrace.errors import MeshError
 
-from ..geometry.instances import Instance
+from ..asset.asset import Asset, Node
+from ..asset.primitive import Primitive
 from .number_rows import NumberRows
 from .table import MeshInput
 
@@ -20,15 +21,18 @@ TRIANGLE = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attrib
 _NAME = re.compile(rb"solid([^\r\n]*)", re.IGNORECASE)
 
 
-def read_stl(mesh_input: MeshInput) -> list[Instance]:
+def read_stl(mesh_input: MeshInput) -> Asset:
     """The triangles; the solids of a text file one by one. The stored face normals are not read.
 
     A file is binary if it has the size that a binary header announces. Raises: MeshError, ValueError: it is no STL.
     """
     data = mesh_input.file.read()
+    unread: tuple[str, ...] = ()
     announced = int.from_bytes(data[80:_HEADER], "little")
     if len(data) == _HEADER + announced * TRIANGLE.itemsize:
-        solids = [("", np.frombuffer(data, TRIANGLE, announced, _HEADER)["vertices"].reshape(-1, 3))]
+        table = np.frombuffer(data, TRIANGLE, announced, _HEADER)
+        solids = [("", table["vertices"].reshape(-1, 3))]
+        unread = ("attributes of triangles, as colours are stored",) if table["attribute"].any() else ()
     else:
         solids = _solids(data, mesh_input.source)
     for name, vertices in solids:
@@ -36,10 +40,9 @@ def read_stl(mesh_input: MeshInput) -> list[Instance]:
             got = f"{len(vertices):,} vertices in solid {name or mesh_input.name}"
             raise MeshError(mesh_input.source, "facets", "three vertices in each", got)
     names = [name for name, _ in solids] if len(solids) > 1 else [mesh_input.name]
-    return [
-        Instance(name, vertices, np.arange(len(vertices)).reshape(-1, 3), up="z")
-        for name, (_, vertices) in zip(names, solids, strict=True)
-    ]
+    primitives = tuple(Primitive.of(vertices, np.arange(len(vertices))) for _, vertices in solids)
+    nodes = tuple(Node(name, (number,)) for number, name in enumerate(names))
+    return Asset(mesh_input.path, primitives, nodes, up="z", unread=unread)
 
 
 def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -20,9 +20,10 @@ from obscurance.raytrace.system.atomic import PathName
 from obscurance.raytrace.system.checks import check_regular
 from obscurance.raytrace.types import AnyFloats, Float64s
 
-from ..geometry.instances import Instance
+from ..asset.asset import Asset, Part
+from ..asset.primitive import W
 from .images import PROFILE
-from .load import joined_profile, parser_errors, read_objects
+from .load import parser_errors, read_asset
 from .table import endings, format_of, is_raster
 
 ENDINGS = endings("w")
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     from obscurance.ao import Profile
 
     from .falloffs import Scales
-    from .gltf.asset import Gltf
 
 _ARRAYS = {"profile", "half_distances", "radius"}
 _BESIDE = {"error": (), "flags": (), "bent_normals": (3,)}
@@ -86,7 +86,7 @@ def find_profile(path: Path) -> Profile | None:
             lengths = metadata.get("half_distances", "").split()
             return Profile.stored(lengths, layers[PROFILE], metadata.get("radius"), metadata.get("max_distance"))
     elif "profile" in format_of(path).holds:
-        return joined_profile(read_objects(path)[0])
+        return read_asset(path).profile
     return None
 
 
@@ -99,20 +99,35 @@ def checked_profile(path: Path, profile: Profile | None) -> Profile:
 
 def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Float64s:
     """w (n,) that a bake has left in a mesh file. Args: counts: what n may be. scales: half-distances to take it by."""
-    instances, asset = read_objects(path)
-    if scales:
-        instances = [instance._replace(w=scales.of(checked_profile(path, instance.profile))) for instance in instances]
-    columns = [instance.w for instance in instances] if asset is None else _of_gltf(instances, asset)
-    stored = [(instance, w) for instance, w in zip(instances, columns, strict=True) if w is not None]
-    if not stored or len(stored) < len(instances):
+    asset = read_asset(path)
+    with parser_errors(path):
+        stored = [(part, _of_part(asset, part, scales)) for part in asset.parts]
+    if any(w is None for _, w in stored):
         raise SceneError(path, "w", "obscurance at every vertex, as obscurance bake writes it", "none")
-    total = sum(len(w) for _, w in stored)
-    if asset and counts and total not in counts:  # pictures leave out what nodes flatten to nothing
-        stored = [(instance, w) for instance, w in stored if not instance.is_flattened]
+    if asset.is_scene and counts and asset.parts[-1].vertices.stop not in counts:
+        stored = [(part, w) for part, w in stored if not part.is_flattened]  # pictures leave out what nodes flatten
     with np.errstate(invalid="ignore"):  # signalling NaNs, which are no w
-        w = np.concatenate([np.empty(0), *(w for _, w in stored)]).astype(np.float64)
-    if len(stored) == 1 and asset and len(w) not in counts:
-        w = w[: unrepeated(stored[0][0].vertices, counts)]
+        w = np.concatenate([np.empty(0), *(w for _, w in stored if w is not None)]).astype(np.float64)
+    if len(stored) == 1 and asset.is_scene and len(w) not in counts:
+        w = w[: unrepeated(stored[0][0].primitive.positions, counts)]
+    return w
+
+
+def _of_part(asset: Asset, part: Part, scales: Scales | None) -> AnyFloats | None:
+    """w of a part's vertices: what a bake has left or, at the scales, its profile; else the occlusion texture there."""
+    if scales:
+        return scales.of(checked_profile(asset.path, part.primitive.profile))
+    if W in part.primitive.columns:
+        return part.primitive.columns[W].values
+    of = part.primitive.material
+    lookup = None if of is None or not len(of) else asset.material(int(of[0])).occlusion
+    used = asset.looked_up(part.primitive, lookup)
+    if lookup is None or used is None:
+        return None
+    (uv, _, _), texture = used
+    linear = np.empty((len(uv), 3))
+    sample_points(pack_textures([texture]), 0, uv, linear)
+    w: Float64s = 1.0 + lookup.strength * (linear[:, 0] - 1.0)  # glTF 2.0, section 5.21
     return w
 
 
@@ -121,7 +136,7 @@ def _of_raster(path: Path) -> Float64s:
     from .raster import stored_columns
 
     with _array_errors(path):
-        columns = stored_columns(path)
+        columns = stored_columns(path, ("w",))
     if "w" not in columns:
         raise SceneError(path, "w", "a band called obscurance, as obscurance bake writes it", "none")
     return columns["w"]
@@ -142,28 +157,12 @@ def unrepeated(vertices: npt.NDArray[Any], counts: tuple[int, ...]) -> int:
     return next((count for count in fewer if (alike[count:] < count).all()), len(vertices))
 
 
-def _of_gltf(instances: Sequence[Instance], asset: Gltf) -> list[AnyFloats | None]:
-    """w of each drawn primitive: the attribute of a bake, or else the occlusion texture at the vertices."""
-    from .gltf.textures import Textures
-
-    with parser_errors(asset.path):
-        textures = Textures(asset)
-        columns = [instance.w for instance in instances]
-        for number, drawn in enumerate(asset.drawn):
-            if columns[number] is None and (used := textures.of_occlusion(drawn.primitive)):
-                uv, texture, strength = used
-                linear = np.empty((len(uv), 3))
-                sample_points(pack_textures([texture]), 0, uv, linear)
-                columns[number] = 1.0 + strength * (linear[:, 0] - 1.0)  # glTF 2.0, section 5.21
-    return columns
-
-
 def read_beside_w(path: Path, count: int) -> dict[str, Any]:
     """`error`, `flags`, `bent_normals` of `count` vertices, as `.npz` and `.tif` have them. Raises: SceneError."""
     if is_raster(path):
         from .raster import stored_columns
 
-        return {name: values for name, values in stored_columns(path).items() if name in _BESIDE}
+        return dict[str, Any](stored_columns(path, _BESIDE))
     if path.suffix.lower() != ".npz":
         return {}
     with _array_errors(path), zipfile.ZipFile(path) as archive:

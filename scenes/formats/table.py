@@ -13,8 +13,7 @@ class MeshInput(NamedTuple):
     file: BinaryIO
     path: Path  # where the bytes are, or what they are called
     name: str  # of an object without one
-    keep: bool  # whether to read what a target can hold besides, too
-    alpha: bool  # also alpha of materials
+    alpha: bool  # whether materials may let light through
     is_on_disk: bool  # whether `path` holds the bytes
 
     @property
@@ -39,10 +38,10 @@ class FileFormat(NamedTuple):
 
     ending: str  # of files, in lower case
     name: str
-    read: str = ""  # a `MeshInput` to a list of `Instance`s, of glTF with its asset
+    read: str = ""  # a `MeshInput` to an `Asset`
     peak: float = 0.0  # bytes of memory a byte of file while it is read; what archives and glTF hold is counted later
     begins: bytes = b""  # a pattern of the first bytes, which identifies a pipe's format
-    write: str = ""  # a bake, a `MeshFile` and `Channels` to bytes
+    write: str = ""  # a bake, an `Asset` and `Channels` to bytes
     # what else the "source" of an output holds; "w", that of "faces" and backs, "colors" of vertices, "uv" of corners,
     # a "profile", a "scene", a "raster"
     holds: tuple[str, ...] = ()

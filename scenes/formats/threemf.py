@@ -14,7 +14,7 @@ import re
 import zipfile
 from array import array
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter
 from typing import BinaryIO
@@ -24,10 +24,12 @@ import numpy as np
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.system.checks import check_memory
-from obscurance.raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import Float64s
 
-from ..geometry.attributes import SourceAttributes, SourceMaterial, triangle_attributes
-from ..geometry.instances import Instance, check_copies
+from ..asset.asset import Asset, Node
+from ..asset.material import Material
+from ..asset.primitive import Primitive
+from ..geometry.instances import check_copies
 from .table import MeshInput
 
 ROOT = "3d/3dmodel.model"
@@ -63,7 +65,8 @@ class _Reader:
     items: list[tuple[Key, Float64s]] = field(default_factory=list)
     current: _Object = field(default_factory=lambda: _Object(""))
     group: str = ""
-    colours: dict[Paint, SourceMaterial] = field(default_factory=dict)
+    unit: str = "millimeter"
+    colours: dict[Paint, Material] = field(default_factory=dict)
     sizes: Counter[str] = field(default_factory=Counter)  # of groups, as far as they are read
     has_unread: bool = False
 
@@ -73,6 +76,8 @@ class _Reader:
         if "/slice/" in namespace:  # whose vertices have no z
             return
         match element:
+            case "model":
+                self.unit = attributes.get("unit", self.unit)
             case "object":
                 number = attributes["id"]
                 self.current = _Object(attributes.get("name", number))
@@ -108,7 +113,7 @@ class _Reader:
             return
         codes = np.frombuffer(bytes.fromhex(code[1:7]), np.uint8)
         red, green, blue = decode_srgb(codes / 255).tolist()
-        self.colours[self.group, str(number)] = SourceMaterial(name or code, (red, green, blue))
+        self.colours[self.group, str(number)] = Material(name or code, (red, green, blue))
 
     def _placed(self, attributes: Mapping[str, str]) -> tuple[Key, Float64s]:
         """The object that an item or component refers to, and its matrix (4, 4)."""
@@ -122,7 +127,7 @@ class _Reader:
         """Nothing to do at the end of the file, but the parser asks for the method."""
 
 
-def read_3mf(mesh_input: MeshInput) -> list[Instance]:
+def read_3mf(mesh_input: MeshInput) -> Asset:
     """The meshes where the build items place them, sharing arrays by object.
 
     Of materials are read the colours of faces, at the first corner of each.
@@ -133,30 +138,32 @@ def read_3mf(mesh_input: MeshInput) -> list[Instance]:
     # The objects of all models of the archive, and what the root model builds of them.
     objects: dict[Key, _Object] = {}
     readers = _read_models(mesh_input.file, objects)
-    build = readers[next(name for name in readers if name.endswith(ROOT))].items
+    root = readers[next(name for name in readers if name.endswith(ROOT))]
+    build = root.items
     _check_build(build, objects, unpacked, mesh_input.source)
-    # A shape of each object.
     colours = {name: reader.colours for name, reader in readers.items()}
     has_unread = any(reader.has_unread for reader in readers.values())
     if sum(map(len, colours.values())) > _MOST_COLOURS:
         colours = {}
         has_unread = True
-    unread = ("colours of textures or mixtures, of very many kinds, or malformed",) if has_unread else ()
-    shapes: dict[Key, Instance] = {}
-    for key, item in objects.items():
-        vertices = np.array(item.vertices).reshape(-1, 3)
-        faces = np.array(item.faces).reshape(-1, 3)
-        attributes = _attributes(faces, item.paints, colours.get(key[0], {})) if mesh_input.keep else None
-        shapes[key] = Instance(item.name, vertices, faces, attributes=attributes, unread=unread, up="z")
+    unread = unit_in_words(_UNITS.get(root.unit, 1.0))
+    if has_unread:
+        unread += ("colours of textures or mixtures, of very many kinds, or malformed",)
+    materials: dict[Material, int] = {}
     # Placed by the build items, with the components of each.
-    placed = []
+    numbers: dict[Key, int] = {}
+    primitives: list[Primitive] = []
+    nodes = []
     stack = build[::-1]
     while stack:
         key, matrix = stack.pop()
-        if len(shapes[key].faces):
-            placed.append(shapes[key]._replace(matrix=matrix))
-        stack.extend((child, matrix @ local) for child, local in objects[key].components[::-1])
-    return placed
+        item = objects[key]
+        if len(item.faces):
+            if numbers.setdefault(key, len(primitives)) == len(primitives):
+                primitives.append(_primitive(item, colours.get(key[0], {}), materials))
+            nodes.append(Node(item.name, (numbers[key],), matrix))
+        stack.extend((child, matrix @ local) for child, local in item.components[::-1])
+    return Asset(mesh_input.path, tuple(primitives), tuple(nodes), tuple(materials), up="z", unread=unread)
 
 
 def unit(file: BinaryIO) -> float:
@@ -169,6 +176,11 @@ def unit(file: BinaryIO) -> float:
             secure: dict[str, bool] = {"resolve_entities": False, "no_network": True, "load_dtd": False}
             _, model = next(etree.iterparse(content, events=("start",), **secure))
     return _UNITS[model.get("unit", "millimeter")]
+
+
+def unit_in_words(unit: float) -> tuple[str, ...]:
+    """What outputs without a unit, or with metres, lose of coordinates in a unit of so many metres, in words."""
+    return () if unit == 1 else (f"its unit, {unit:g} m",)
 
 
 def _read_models(file: BinaryIO, objects: dict[Key, _Object]) -> dict[str, _Reader]:
@@ -188,17 +200,15 @@ def _read_models(file: BinaryIO, objects: dict[Key, _Object]) -> dict[str, _Read
     return readers
 
 
-def _attributes(
-    faces: Int64s, paints: Sequence[Paint | None], colours: Mapping[Paint, SourceMaterial]
-) -> SourceAttributes:
-    """The colours of faces (m, 3) as materials."""
-    attributes = triangle_attributes(faces)
-    used = [paint for paint in dict.fromkeys(paints) if paint and paint in colours]
-    if not used:
-        return attributes
-    number = dict[Paint | None, int](zip(used, range(len(used)), strict=True))
-    material_of = np.array([number.get(paint, -1) for paint in paints])
-    return attributes._replace(materials=tuple(colours[paint] for paint in used), material_of=material_of)
+def _primitive(item: _Object, colours: Mapping[Paint, Material], materials: dict[Material, int]) -> Primitive:
+    """The triangles of an object. Args: materials: numbers of those of the file, which gets the object's."""
+    used = [paint for paint in dict.fromkeys(item.paints) if paint and paint in colours]
+    number: dict[Paint | None, int] = {
+        paint: materials.setdefault(colours[paint], len(materials)) for paint in used if paint
+    }
+    material_of = np.array([number.get(paint, -1) for paint in item.paints], np.int64) if used else None
+    positions, corners = np.array(item.vertices).reshape(-1, 3), np.array(item.faces)
+    return Primitive.of(positions, corners, material=material_of)
 
 
 def check_archive(file: BinaryIO, source: str) -> int:

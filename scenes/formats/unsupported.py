@@ -7,13 +7,17 @@ import numpy as np
 
 from obscurance.raytrace.errors import printable
 
-from .load import MeshFile
+from ..asset.asset import Asset
+from ..asset.primitive import COLOR
 from .obj.mtl import MATERIAL_WORDS
+from .ply.layout import Ply
 from .ply.write import MESHLAB, cuts_polygons, has_own_colors
 from .table import Channels, FileFormat, format_of
 
+_NAMES = "names of groups", "its division", "smoothing groups"  # how words on names in an OBJ begin
 
-def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels = Channels()) -> list[str]:
+
+def unsupported_features(target: Path, asset: Asset, channels: Channels = Channels()) -> list[str]:
     """Losses of `scenes.write`, and unexpected changes: lines for the user, mostly none.
 
     Raises: OptionError: coordinates that the format does not hold. MeshError: colours to be kept are malformed.
@@ -22,78 +26,76 @@ def unsupported_features(target: Path, mesh_file: MeshFile, channels: Channels =
     colors = channels.colors
     if "source" not in row.holds:
         return []
-    missing = [*(_of_glb(mesh_file, colors) if row.ending == ".glb" else _of_polygons(mesh_file, row, colors))]
-    if channels.ply_name == MESHLAB and cuts_polygons(mesh_file):
+    missing = [*(_of_glb(asset, colors) if row.ending == ".glb" else _of_polygons(asset, row, colors))]
+    if channels.ply_name == MESHLAB and cuts_polygons(asset):
         missing.append("polygons, which become triangles")
-    warnings = [f"{target}: not kept from {mesh_file.path}: {', '.join(missing)}"] if missing else []
-    if row.name == "PLY" and not colors and has_own_colors(mesh_file.held):
+    warnings = [f"{target}: not kept from {asset.path}: {', '.join(missing)}"] if missing else []
+    if row.name == "PLY" and not colors and has_own_colors(asset):
         instead = "w, the openness, is only in the property obscurance; --colors puts it in their place"
-        warnings.append(f"{target}: keeps the colours of {mesh_file.path}; {instead}")
-    if channels.ply_name in mesh_file.held.numbers:
-        warnings.append(f"{target}: w takes the place of {channels.ply_name} of {mesh_file.path}")
-    if channels.ramp and mesh_file.gltf:
+        warnings.append(f"{target}: keeps the colours of {asset.path}; {instead}")
+    if channels.ply_name and channels.ply_name in asset.numbers:
+        warnings.append(f"{target}: w takes the place of {channels.ply_name} of {asset.path}")
+    if channels.ramp and asset.is_scene:
         from .gltf.write import ramp_warnings
 
-        warnings += [f"{target}: {line}" for line in ramp_warnings(mesh_file.gltf, channels.replace)]
+        warnings += [f"{target}: {line}" for line in ramp_warnings(asset, channels.replace)]
     return [printable(line) for line in warnings]
 
 
-def _of_polygons(mesh_file: MeshFile, row: FileFormat, colors: str) -> Iterator[str]:
+def _of_polygons(asset: Asset, row: FileFormat, colors: str) -> Iterator[str]:
     """What a format of polygons leaves out of a mesh file, in words.
 
     Args: colors: the channels of colours that hold w.
     """
-    attributes = mesh_file.held
-    if (len(colors) > 1 or "colors" not in row.holds) and has_own_colors(attributes):
+    is_ply = isinstance(asset.raw, Ply)
+    is_obj = row.name == "OBJ"  # which has normals and coordinates of corners, and names
+    is_stored = asset.raw is not None and row.name == format_of(asset.path).name
+    if (len(colors) > 1 or "colors" not in row.holds) and has_own_colors(asset):
         yield "its colours"
-    if not attributes.elements:
-        of = attributes.object_of
-        if not mesh_file.gltf and (len(mesh_file.parts) > 1 or (of is not None and np.ptp(of))):
+    if not is_ply:
+        if not asset.is_scene and not is_obj and len(asset.objects) > 1:
             yield "its division into objects"
-        yield from (words for words in mesh_file.unread if not words.startswith(MATERIAL_WORDS))
-    if mesh_file.mesh.corner_normals:
+        kept = (*MATERIAL_WORDS, *(_NAMES if is_obj and is_stored else ()))
+        yield from (words for words in asset.unread if not words.startswith(kept))
+    if asset.mesh.corner_normals and not is_obj:
         yield "normals of vertices that have several"
-    if attributes.uv and "uv" in row.holds and not np.isfinite(attributes.uv.values).all():
+    uv = asset.uv_of_polygons()
+    if uv and "uv" in row.holds and not is_obj and not np.isfinite(uv.values).all():
         yield "texture coordinates, which some corners lack"
-    if attributes.materials and not attributes.elements:
-        yield "materials"
+    if asset.materials and not is_ply and not asset.is_scene and not is_stored:
+        yield "materials but their names" if is_obj else "materials"
     if "colors" not in row.holds:
-        yield from (f"{name} of vertices" for name in attributes.numbers)
-    if attributes.uv and "uv" not in row.holds:
+        yield from (f"{name} of vertices" for name in asset.numbers)
+    if uv and "uv" not in row.holds:
         yield "texture coordinates"
 
 
-def _of_glb(mesh_file: MeshFile, colors: str) -> Iterator[str]:
+def _of_glb(asset: Asset, colors: str) -> Iterator[str]:
     """What a .glb leaves out of a mesh file, in words. Raises: as `unsupported_features`."""
-    from .gltf.accessors import stored_colors
     from .gltf.plain import SOURCE_INDEX, kept_numbers, part_origin
-    from .primitive_groups import primitive_groups
 
-    attributes = mesh_file.held
-    if asset := mesh_file.gltf:
-        for drawn, part in zip(asset.drawn, mesh_file.parts, strict=True):
-            if len(colors) == 1:  # the other channels are kept, so they must be right
-                stored_colors(asset, drawn.primitive.attributes, part.vertices.stop - part.vertices.start)
-        primitives = [primitive for mesh in asset.geometry.meshes for primitive in mesh.primitives]
-        if len(colors) > 1 and any("COLOR_0" in primitive.attributes for primitive in primitives):
+    if asset.is_scene:
+        from .gltf.write import has_colors
+
+        if has_colors(asset, checked=len(colors) == 1) and len(colors) > 1:
             yield "its colours"
         return
-    part_origin(mesh_file.mesh.vertices)
-    yield from mesh_file.unread
-    if has_own_colors(attributes) and (len(colors) > 1 or attributes.colors is None):
+    part_origin(asset.mesh.vertices)
+    yield from asset.unread
+    if has_own_colors(asset) and (len(colors) > 1 or asset.columns(COLOR) is None):
         yield "its colours"
-    if len(list(primitive_groups(mesh_file))) > len(mesh_file.parts):
+    if len(list(asset.runs())) > len(asset.parts):
         yield f"the order of vertices ({SOURCE_INDEX} has their places)"
-        if len(np.unique(attributes.corners)) < len(mesh_file.mesh.vertices):
+        if len(np.unique(asset.corners)) < len(asset.mesh.vertices):
             yield "vertices that no face uses"
-    if (attributes.sizes != 3).any():
+    if (asset.sizes != 3).any():
         yield "polygons, which become triangles"
-    kept_names = kept_numbers(attributes)
-    yield from (f"{name} of vertices" for name in attributes.numbers if name not in kept_names)
+    kept_names = kept_numbers(asset)
+    yield from (f"{name} of vertices" for name in asset.numbers if name not in kept_names)
     # Of a PLY's elements.
-    has_wedges = attributes.uv and attributes.uv.of is not attributes.corners  # coordinates of corners
-    used = ("vertex_indices", "vertex_index", "texcoord" if has_wedges else "")
-    for element in attributes.elements:
+    wedges = [primitive.columns["uv0"].of is not None for primitive in asset.primitives if "uv0" in primitive.columns]
+    used = ("vertex_indices", "vertex_index", "texcoord" if any(wedges) else "")
+    for element in asset.raw.elements if isinstance(asset.raw, Ply) else ():
         if element.name == "vertex":
             yield from (f"{column.name} of vertices" for column in element.properties if column.counted)
         elif element.name == "face":

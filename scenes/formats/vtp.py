@@ -17,14 +17,12 @@ import numpy.typing as npt
 
 from obscurance.ao import Bake
 from obscurance.raytrace.errors import MeshError
-from obscurance.raytrace.mesh.mesh import PerCorner
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Int64s
 
-from ..geometry.attributes import SourceAttributes, float_normals
-from ..geometry.instances import Instance
-from ..geometry.polygons import strip_triangles, triangulate
-from .load import MeshFile
+from ..asset.asset import Asset, Node
+from ..asset.primitive import NORMAL, Column, ColumnSet, Primitive, W, float_normals
+from ..geometry.polygons import strip_triangles
 from .table import MeshInput
 
 _APPENDED = re.compile(rb"<AppendedData\b[^>]*?encoding\s*=\s*[\"'](raw|base64)[\"'][^>]*>\s*_")
@@ -36,11 +34,10 @@ _TYPES = {"f4": "Float32", "f8": "Float64", "i8": "Int64", "u1": "UInt8"}
 _HEADER = '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
 
 
-def vtp(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
+def vtp(bake: Bake, asset: Asset, _: object) -> bytes:
     """The vertices and polygons of the source with `obscurance`, float, and as far as they are known `error`, `flags`,
     `bent_normals` and `Normals`, the source's own."""
-    mesh = mesh_file.mesh
-    held = mesh_file.held
+    mesh = asset.mesh
     columns: dict[str, tuple[npt.NDArray[Any] | None, str]] = {
         "obscurance": (bake.w, "f4"),
         "error": (bake.error, "f4"),
@@ -52,7 +49,7 @@ def vtp(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
     lines = [
         _HEADER,
         "<PolyData>",
-        f'<Piece NumberOfPoints="{len(mesh.vertices)}" NumberOfPolys="{len(held.sizes)}">',
+        f'<Piece NumberOfPoints="{len(mesh.vertices)}" NumberOfPolys="{len(asset.sizes)}">',
         '<PointData Scalars="obscurance">',
         *point_data,
         "</PointData>",
@@ -60,8 +57,8 @@ def vtp(bake: Bake, mesh_file: MeshFile, _: object) -> bytes:
         _array("Points", mesh.vertices, "f8"),
         "</Points>",
         "<Polys>",
-        _array("connectivity", held.corners, "i8"),
-        _array("offsets", np.cumsum(held.sizes), "i8"),
+        _array("connectivity", asset.corners, "i8"),
+        _array("offsets", np.cumsum(asset.sizes), "i8"),
         "</Polys>",
         "</Piece>",
         "</PolyData>",
@@ -160,19 +157,23 @@ class _Document:
         return corners, np.diff(ends, prepend=0)
 
 
-def read_vtp(mesh_input: MeshInput) -> list[Instance]:
+def read_vtp(mesh_input: MeshInput) -> Asset:
     """The polygons and strips of each piece, with the points' normals and texture coordinates, and w of a bake.
 
     Raises: MeshError: as `_Document.of`. Exception: of malformed arrays.
     """
     document = _Document.of(mesh_input.file.read(), mesh_input.source)
-    pieces = [piece for piece in document.root.iterfind("PolyData/Piece") if piece.find("Points/DataArray") is not None]
-    names = [f"{mesh_input.name}[{number}]" for number in range(len(pieces))] if len(pieces) > 1 else [mesh_input.name]
-    return [_instance(document, piece, mesh_input, name) for piece, name in zip(pieces, names, strict=True)]
+    found = [piece for piece in document.root.iterfind("PolyData/Piece") if piece.find("Points/DataArray") is not None]
+    unread: dict[str, None] = {}
+    primitives = tuple(_primitive(document, piece, unread) for piece in found)
+    names = [f"{mesh_input.name}[{number}]" for number in range(len(found))] if len(found) > 1 else [mesh_input.name]
+    nodes = tuple(Node(name, (number,)) for number, name in enumerate(names))
+    notes = dict.fromkeys(note for primitive in primitives for note in primitive.triangles.notes)
+    return Asset(mesh_input.path, primitives, nodes, told=notes, unread=tuple(unread))
 
 
-def _instance(document: _Document, piece: ElementTree.Element, mesh_input: MeshInput, name: str) -> Instance:
-    """One piece of a document."""
+def _primitive(document: _Document, piece: ElementTree.Element, unread: dict[str, None]) -> Primitive:
+    """One piece of a document. Args: unread: gets what is left out, in words."""
     points = document.values(next(piece.iterfind("Points/DataArray")))
     corners, sizes = document.cells(piece, "Polys")
     if (sizes < 0).any() or sizes.sum() != len(corners):
@@ -181,23 +182,18 @@ def _instance(document: _Document, piece: ElementTree.Element, mesh_input: MeshI
     strips = strip_triangles(*document.cells(piece, "Strips"))
     corners = np.concatenate([corners[np.repeat(is_polygon, sizes)], strips.ravel()])
     sizes = np.concatenate([sizes[is_polygon], np.full(len(strips), 3)])
-    triangles = triangulate(points, corners, sizes, mesh_input.source)
     # Columns of points; others are left out.
     data = piece.find("PointData")
-    columns = {} if data is None else {array.get("Name", ""): array for array in data.iterfind("DataArray")}
+    arrays = {} if data is None else {array.get("Name", ""): array for array in data.iterfind("DataArray")}
     active = {} if data is None else data.attrib
-    of_normals, of_uv = active.get("Normals", "Normals"), active.get("TCoords", "")
-    normals, w, uv = (
-        document.values(columns[column]) if column in columns else None for column in (of_normals, "obscurance", of_uv)
-    )
-    if any(column is not None and len(column) != len(points) for column in (normals, w, uv)):
+    names = {NORMAL: active.get("Normals", "Normals"), W: "obscurance", "uv0": active.get("TCoords", "")}
+    found = {key: document.values(arrays[name]) for key, name in names.items() if name in arrays}
+    if any(len(values) != len(points) for values in found.values()):
         raise ValueError("columns of points that are not one row a point")
-    w = None if w is None or w.ndim > 1 else w  # other columns may have that name
-    instance = Instance(name, points, triangles.take(corners), normals, notes=triangles.notes, w=w)
-    if mesh_input.keep:
-        kept = None if uv is None else PerCorner(uv[:, :2].astype(np.float64), corners)
-        attributes = SourceAttributes(corners, sizes, triangles, uv=kept)
-        others = columns.keys() - {of_normals, "obscurance", of_uv}
-        unread = tuple(f"{column} of points" for column in sorted(others))
-        instance = instance._replace(attributes=attributes, unread=unread)
-    return instance._replace(polygons=triangles.polygons)
+    if W in found and found[W].ndim > 1:  # other columns may have that name
+        del found[W]
+    if "uv0" in found:
+        found["uv0"] = found["uv0"][:, :2]
+    unread |= dict.fromkeys(f"{name} of points" for name in sorted(arrays.keys() - {*names.values()}))
+    columns = ColumnSet({key: Column(values) for key, values in found.items()})
+    return Primitive.of(points, corners, sizes, document.source, columns=columns)

@@ -6,24 +6,48 @@ import io
 import os
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, Self, cast, get_args
 
 import numpy as np
 
 from obscurance.raytrace.errors import ConflictError, OptionError, Term
 from obscurance.raytrace.system.atomic import PathName, check_writable, write_bytes
+from obscurance.raytrace.types import Float64s
 
-from .load import MeshFile, load
+from ..asset.asset import Asset
+from .load import load
 from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
-    from obscurance.ao import Bake, BakedTexture
+    from obscurance.ao import Bake, BakedTexture, Profile
 
 Occlusion = Literal["none", "ramp"]
 _PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)[A-Za-z_]\w*"
 Colors = Literal["rgb", "r", "g", "b", "a"]
+
+
+@dataclass(frozen=True, eq=False)
+class _StoredBake:
+    """What an earlier bake has left in a file, as far as writers ask for it."""
+
+    w: Float64s
+    profile: Profile | None
+    at: str = "vertices"
+    error: None = None
+    flags: None = None
+    bent_normals: None = None
+    below: None = None
+
+    @classmethod
+    def of(cls, asset: Asset) -> Self:
+        """Raises: OptionError: the file has no w."""
+        w = asset.w
+        if w is None:
+            raise OptionError("bake", f"w in {asset.path}, or a bake", "none")
+        return cls(w, asset.profile)
 
 
 def check_target(path: PathName) -> None:
@@ -45,8 +69,8 @@ def check_holds(path: PathName, at: str, both_sides: bool) -> None:
 
 def write(
     path: str | os.PathLike[str],
-    bake: Bake | BakedTexture | Sequence[Bake | BakedTexture],
-    mesh_file: MeshFile | str | os.PathLike[str] | Any = None,
+    bake: Bake | BakedTexture | Sequence[Bake | BakedTexture] | Asset,
+    mesh_file: Asset | str | os.PathLike[str] | Any = None,
     *,
     colors: Colors | None = None,
     occlusion: Occlusion | None = None,
@@ -70,15 +94,16 @@ def write(
 
     Of textures a `.glb` has each as the occlusion texture of the faces that it is for (`textured_glb.textured_glb`).
 
-    What the source holds besides is kept if it was loaded for this target (`load`); `scenes.formats.unsupported` lists
-    what is not.
+    What the source holds besides is kept as far as the format can hold it; `scenes.formats.unsupported` lists what is
+    not.
 
     Args:
         path: the target, replaced if it exists.
         bake: per vertex of `mesh_file.mesh`, for a .glb or .html also of `mesh_file.split`; or a texture of its faces.
+            Or a mesh file, whose own w is written.
             For a .glb also a list of textures of different faces; a bake per vertex among them is for faces on none.
-        mesh_file: what was baked, with what else it holds: of `load` for this target, or the file's path; or a mesh in
-            any form that `ao.bake` takes; None: the mesh of the bake alone.
+        mesh_file: what was baked, with what else it holds: of `load`, or the file's path; or a mesh in any form that
+            `ao.bake` takes; None: the mesh of the bake alone.
         colors: "rgb": give a .glb the vertex colours `COLOR_0` = w, and a .ply the grey, in place of the
             source's colours; "r", "g", "b" or "a": w in that channel alone, the others as in the source, 1 without.
         occlusion: "ramp" gives a .glb's materials an occlusion texture that shows w, "none" does not; None is "ramp",
@@ -95,12 +120,14 @@ def write(
         MeshError: materials of a glTF source are malformed.
         OutputError: the file cannot be written; an existing one is untouched.
     """
+    if isinstance(bake, Asset):
+        mesh_file, bake = mesh_file or bake, cast("Bake", _StoredBake.of(bake))
     several = bake if isinstance(bake, Sequence) else [bake]
     source = getattr(several[0], "mesh", None) if mesh_file is None else mesh_file
     if isinstance(source, str | os.PathLike):
         source = load(source, path)
-    elif not isinstance(source, MeshFile):
-        source = MeshFile.of(source)
+    elif not isinstance(source, Asset):
+        source = Asset.of(source)
     if isinstance(bake, Sequence) or bake.w.ndim == 2:  # texels, not vertices
         for name, value in {"colors": colors, "occlusion": occlusion, "up": up}.items():
             if value:
@@ -119,12 +146,12 @@ def write(
     write_vertices(path, values, source, where)
 
 
-def write_vertices(path: PathName, bake: Bake, mesh_file: MeshFile, shown: Channels) -> None:
+def write_vertices(path: PathName, bake: Bake, mesh_file: Asset, shown: Channels) -> None:
     """Write a bake per vertex. Args: shown: the channels that viewers look at. Raises: as `write`."""
     write_bytes(path, _writer(path)(bake, mesh_file, shown))
 
 
-def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: MeshFile, replace: bool) -> None:
+def _write_textures(path: Path, baked: Sequence[Bake | BakedTexture], mesh_file: Asset, replace: bool) -> None:
     """Write baked textures, with w of vertices where there is some too. Raises: as `write`."""
     from obscurance.ao.texture.result import BakedTexture
 

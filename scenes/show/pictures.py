@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 from obscurance import raytrace
 from obscurance.raytrace import Camera, Frame, Scene, Settings
 
+from ..asset.asset import Asset
 from ..description.mesh_scene import mesh_scene
 from ..description.obscurance import with_obscurance
 from ..description.read import read_scene
-from ..formats.load import MeshFile
 from ..formats.write import write
 from .page.view import view_results
 
@@ -52,7 +52,7 @@ def render(
         camera = camera or Camera.framing(scene.flattened(), aspect=used.width / used.height)
     else:
         w = getattr(source, "w", None)
-        described = mesh_scene(source if isinstance(source, MeshFile) else MeshFile.of(source), used)
+        described = mesh_scene(source if isinstance(source, Asset) else Asset.of(source), used)
         scene = described.scene
         if w is not None:
             scene = scene.with_obscurance(w[described.file_vertices()[0]])

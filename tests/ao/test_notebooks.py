@@ -1,13 +1,17 @@
 """What a notebook shows of a bake: a picture, or the HTML of whoever offers some."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from meshes import hills, two_boxes
 
 from obscurance import ao
-from obscurance.raytrace import Mesh
+from obscurance.raytrace import Camera, Mesh
+from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.image.read import read_image
+from obscurance.raytrace.mesh.normals import face_normals
 
 
 def pixels(tmp_path, png):
@@ -16,12 +20,20 @@ def pixels(tmp_path, png):
 
 
 def test_a_bake_is_a_picture_of_w_on_its_mesh(tmp_path):
+    """Codes of sRGB are w, darker where the surface turns away from the camera."""
     baked = ao.bake(Mesh(*two_boxes()), "binary", samples=64)
+    open_, half = (
+        pixels(tmp_path, replace(baked, w=np.full(len(baked.w), grey))._repr_png_())[..., 0] for grey in (1.0, 0.5)
+    )
     shown = pixels(tmp_path, baked._repr_png_())
     assert shown.shape[:2] == (360, 480)
-    seen = shown[..., 0] > 0.06
+    seen = open_ > 0.2
     assert 0.1 < seen.mean() < 0.9
-    assert abs(shown[..., 0].max() - baked.w.max()) < 0.01
+    normals = face_normals(baked.mesh.vertices, baked.mesh.faces)[0]
+    facing = -(normals @ Camera.framing(baked.mesh, aspect=4 / 3).axes()[2]).min()
+    assert open_.max() == pytest.approx(0.6 + 0.4 * facing, abs=0.01)
+    assert np.median(half[seen] / open_[seen]) == pytest.approx(decode_srgb(0.5), abs=0.01)
+    assert (shown[seen, 0] <= open_[seen]).all()
     np.testing.assert_array_equal(shown[..., 0], shown[..., 1])
 
 

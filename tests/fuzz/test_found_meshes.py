@@ -14,8 +14,9 @@ from mesh_files import FACES, VERTICES, ascii_ply, ascii_stl, mistake, obj, ply,
 from obscurance.raytrace.errors import MeshError, OptionError
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.placement import Placement
+from obscurance.scenes.asset.asset import Asset
 from obscurance.scenes.commands.info import describe
-from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.write import write
 from obscurance.scenes.geometry.polygons import triangulate
 
@@ -47,7 +48,7 @@ def test_info_prints_no_control_characters(tmp_path):
 def test_coordinates_that_overflow_or_vanish(tmp_path):
     assert "finite coordinates up to 5e+153" in mistake(tmp_path, "m.ply", ascii_ply(VERTICES * 1e200))
     for size in (1e-200, 1e-9, 1e152):
-        rows = dict(describe(MeshFile.of(Mesh(VERTICES * size, FACES))))
+        rows = dict(describe(Asset.of(Mesh(VERTICES * size, FACES))))
         assert float(rows["radius"].split(",")[0]) == pytest.approx(1.125 * size, rel=1e-5)
         assert float(rows["area"]) == pytest.approx(1.53033 * size**2, rel=1e-5)
     assert np.isfinite(Placement.of(Mesh(VERTICES * 1e-310, FACES)).vertices).all()
@@ -148,7 +149,7 @@ def test_xml_entities_reach_no_file(tmp_path):
 def test_writing_what_float32_cannot_hold(tmp_path):
     normals = np.tile([0.0, 1e300, -1e300], (len(VERTICES), 1))
     normals[0] = np.inf
-    file = MeshFile.of(Mesh(VERTICES * 1e50, FACES, normals))
+    file = Asset.of(Mesh(VERTICES * 1e50, FACES, normals))
     write(tmp_path / "m.ply", baked(len(VERTICES)), file)
     again = load(tmp_path / "m.ply").mesh
     np.testing.assert_array_equal(again.vertices, VERTICES * 1e50)

@@ -35,7 +35,7 @@ def test_the_commands_run_one_after_the_other(tmp_path, monkeypatch, demonstrati
         if words[1:] == ["demo", "--output", "demo"]:
             shutil.copytree(demonstration, "demo")  # what this makes, but for a coarser mesh
             mesh = scenes.Temple(fineness=0.6).geometry().mesh
-            scenes.write("demo/temple.ply", ao.bake(mesh, samples=16), scenes.MeshFile.of(mesh))
+            scenes.write("demo/temple.ply", ao.bake(mesh, samples=16), scenes.Asset.of(mesh))
         else:
             small = ["--width", 192, "--height", 128] if words[1] == "render" else []
             succeeded(*words[1:], *small)

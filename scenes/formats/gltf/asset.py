@@ -18,11 +18,12 @@ import numpy as np
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.types import Float64s
 
+from ...asset.asset import Stored
 from ...geometry.instances import rotation_of_quaternion
 from ...json_toml import parse_json
 from ...safe_paths import resolve_uri
 from . import records
-from .records import GltfGeometry, GltfMaterial, GltfMaterials, GltfTexture, Node, Primitive, Sampler, parse
+from .records import GltfGeometry, GltfMaterials, GltfTexture, Node, Primitive, Sampler, parse
 
 _PLACED = {"matrix", "translation", "rotation", "scale"}
 JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
@@ -50,9 +51,10 @@ class DrawnPrimitive(NamedTuple):
 
 
 @dataclass(eq=False)
-class Gltf:
+class Gltf(Stored):
     """A glTF asset. Records are made when they are first used: MeshError names what is malformed in them."""
 
+    is_scene = True
     path: Path  # where it was read; relative references start beside it
     header: dict[str, Any]  # the JSON document
     buffers: list[bytes] = field(default_factory=list)  # the bytes of each of the header's buffers
@@ -72,12 +74,12 @@ class Gltf:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The file itself, and the buffers and images beside it that it names."""
+        """The buffers and images beside it that it names."""
         buffers = self.geometry.buffers
         images = self.geometry.images
         names = dict.fromkeys([*(stored.uri or "" for stored in buffers), *(stored.uri for stored in images)])
         paths = [resolve_uri(name, self.path.parent) for name in names if not name.startswith("data:")]
-        return self.path, *(path for path in paths if path)
+        return tuple(path for path in paths if path)
 
     @cached_property
     def _read(self) -> Callable[[Path], bytes]:
@@ -167,11 +169,6 @@ class Gltf:
                     stored = self.header["meshes"][mesh]["primitives"][number_in_mesh]
                     drawn.append(DrawnPrimitive(number, mesh, number_in_mesh, primitive, stored, node.skin, weights))
         return drawn
-
-    def material(self, primitive: Primitive) -> GltfMaterial:
-        """The material of a primitive, the default one if it names none. Raises: ValueError: there is no such entry."""
-        number = primitive.material
-        return GltfMaterial() if number is None else entry(self.materials.materials, number, "materials")
 
     def sampler(self, texture: GltfTexture) -> Sampler:
         """The sampler of a texture, the default one if it names none. Raises: ValueError: there is no such entry."""

@@ -13,11 +13,11 @@ from obscurance.raytrace.image.colour import rgb_codes
 from obscurance.raytrace.image.texture import Texture, texture_alpha, texture_codes
 from obscurance.raytrace.image.write import linear_png
 
-from ...geometry.attributes import SourceMaterial
+from ...asset.material import Material
 from .builder import GlbBuilder
 
 
-def add_materials(builder: GlbBuilder, materials: Sequence[SourceMaterial]) -> None:
+def add_materials(builder: GlbBuilder, materials: Sequence[Material]) -> None:
     """Append materials to a document, and to its buffer their pictures, each once."""
     numbers: dict[Any, int] = {}
     for source in materials:
@@ -26,35 +26,33 @@ def add_materials(builder: GlbBuilder, materials: Sequence[SourceMaterial]) -> N
         material: dict[str, Any] = {"name": source.name, "pbrMetallicRoughness": surface}
         if any(source.emission):
             material["emissiveFactor"] = list(source.emission)
-        if source.opacity < 1 or source.opacity_texture:
+        if source.alpha == "blend":
             material["alphaMode"] = "BLEND"
         builder.append("materials", material)
-        texture = source.texture or source.opacity_texture
-        if texture is None:
+        colour, alpha = (used and used.texture for used in (source.texture, source.opacity_texture))
+        if not (colour or alpha):
             continue
-        key = source.texture, source.opacity_texture
+        key = colour, alpha
         if key not in numbers:
-            data = _base_colour(source)
+            data = _base_colour(colour, alpha)
             kind = "image/png" if data.startswith(b"\x89PNG") else "image/jpeg"
-            image = {"name": texture.name, "mimeType": kind, "bufferView": builder.bytes_view(data)}
+            image = {"name": source.pictures[0].name, "mimeType": kind, "bufferView": builder.bytes_view(data)}
             numbers[key] = builder.append("textures", {"source": builder.append("images", image)})
         surface["baseColorTexture"] = {"index": numbers[key]}
 
 
-def _base_colour(source: SourceMaterial) -> bytes:
-    """A PNG or JPEG file of a material's colour texture, its alpha the opacity map; of two sizes the larger."""
-    if source.texture and source.opacity_texture in (None, source.texture):
-        return source.texture.read_bytes()
+def _base_colour(colour: Texture | None, opacity: Texture | None) -> bytes:
+    """A PNG or JPEG file of a colour texture, its alpha the opacity map; of two sizes the larger."""
+    if colour and opacity in (None, colour):
+        return colour.path.read_bytes()
     # Alpha if that is not constant, for exporters name the picture of the colour; else luminance as stored, as
     # Wavefront MTL 5.0 has it for scalar textures.
-    assert source.opacity_texture
-    alpha = texture_alpha(Texture(source.opacity_texture), grey=True)
-    colour: npt.NDArray[Any] = np.full((1, 1, 3), 255, np.uint8)
-    if source.texture:
-        colour = rgb_codes(texture_codes(Texture(source.texture)))
-    size = max(colour.shape[0], len(alpha)), max(colour.shape[1], alpha.shape[1])
+    assert opacity
+    alpha = texture_alpha(opacity, grey=True)
+    rgb: npt.NDArray[Any] = rgb_codes(texture_codes(colour)) if colour else np.full((1, 1, 3), 255, np.uint8)
+    size = max(rgb.shape[0], len(alpha)), max(rgb.shape[1], alpha.shape[1])
     codes = np.rint(enlarged(alpha[..., None], *size) * 255).astype(np.uint8)
-    return linear_png(np.concatenate([enlarged(colour, *size), codes], axis=2))
+    return linear_png(np.concatenate([enlarged(rgb, *size), codes], axis=2))
 
 
 def enlarged(image: npt.NDArray[Any], height: int, width: int) -> npt.NDArray[Any]:

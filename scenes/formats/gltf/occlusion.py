@@ -161,11 +161,12 @@ def image_name(header: dict[str, Any], reference: dict[str, Any]) -> str:
     return str(stored_entry(header, "images", _source(header, reference)).get("name", ""))
 
 
-def texture_images(header: dict[str, Any], material: dict[str, Any], coordinates: int) -> set[int]:
-    """Numbers of the images that a material uses by a TEXCOORD set, without images of earlier bakes."""
-    used = [reference for reference in _references(material) if coordinates in sets_of(reference)]
-    sources = [_source(header, reference) for reference in used if not image_name(header, reference).startswith(OWN)]
-    return {source for source in sources if source is not None}
+def texture_images(header: dict[str, Any], material: dict[str, Any]) -> tuple[tuple[int, int], ...]:
+    """Each TEXCOORD set of a material and the number of an image that it uses by it, ascending, without images of
+    earlier bakes."""
+    used = [one for one in _references(material) if not image_name(header, one).startswith(OWN)]
+    sources = ((number, _source(header, one)) for one in used for number in sets_of(one))
+    return tuple(sorted({(number, source) for number, source in sources if source is not None}))
 
 
 def _slots(primitive: dict[str, Any]) -> Iterator[dict[str, Any]]:

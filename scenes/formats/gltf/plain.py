@@ -7,17 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from obscurance.raytrace.errors import OptionError
-from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.mesh.corners import split_corners, split_creases
 from obscurance.raytrace.mesh.mesh import Mesh, PerCorner
 from obscurance.raytrace.mesh.normals import nonzero
 from obscurance.raytrace.types import Float64s, Int64s
 
-from ...geometry.attributes import SourceAttributes
-from ...geometry.instances import Submesh
-from ..load import MeshFile
-from ..ply.layout import fractions, stored_colors
-from ..primitive_groups import primitive_groups
+from ...asset.asset import Asset, Part
 from .accessors import flipped
 from .builder import ELEMENT_ARRAY_BUFFER, GlbBuilder
 from .materials import add_materials
@@ -37,46 +32,45 @@ class Drawn(NamedTuple):
     rows: Int64s
 
 
-def plain(mesh_file: MeshFile, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
-    """The document, without w, and its primitives, in the order of `primitive_groups`, with `corner_normals`.
+def plain(asset: Asset, colors: str) -> tuple[GlbBuilder, list[Drawn]]:
+    """The document, without w, and its primitives, in the order of `Asset.runs`, with `corner_normals`.
 
     The only primitive of a part has the part's vertices in their order, then those whose corners differ once more.
     One of several has the vertices that it uses, with their rows in the mesh as `_SOURCE_INDEX`.
 
     Args: colors: the channels that are to hold w: of all, the source's are left out.
     """
-    mesh = mesh_file.mesh
-    source = mesh_file.held
+    mesh = asset.mesh
     builder = _empty_document()
-    add_materials(builder, source.materials)
+    add_materials(builder, asset.materials)
     # What the document holds of each corner and vertex, and where its objects lie.
-    groups = list(primitive_groups(mesh_file))
-    groups_of_part = Counter(group.part for group in groups)
-    origins = [part_origin(mesh.vertices[part.vertices]) for part in mesh_file.parts]
-    uv = source.of_triangles(source.uv) if source.uv else None
+    runs = list(asset.runs())
+    runs_of_part = Counter(run.part for run in runs)
+    origins = [part_origin(mesh.vertices[part.vertices]) for part in asset.parts]
+    uv = asset.per_corner("uv0")
     split = split_creases(mesh)
     rows_of = split.mesh.faces.ravel()
     split_by = [PerCorner(split.normals, rows_of), *([uv] if uv else [])]
-    of_vertices = _vertex_columns(source, colors)
+    of_vertices = _vertex_columns(asset, colors)
     drawn: list[Drawn] = []
     before = None
-    # A primitive for each group, in the node of its object.
-    for group in groups:
-        origin = origins[group.part]
-        if group.object != before:
-            before = group.object
+    # A primitive for each run, in the node of its object.
+    for run in runs:
+        origin = origins[run.part]
+        if run.object != before:
+            before = run.object
             _add_node(builder, before.name, origin)
-        part = mesh_file.parts[group.part]
-        vertices, faces, like = _group_vertices(mesh, part, group.faces, split_by, groups_of_part[group.part] == 1)
+        part = asset.parts[run.part]
+        vertices, faces, like = _run_vertices(mesh, part, run.faces, split_by, runs_of_part[run.part] == 1)
         attributes = {"POSITION": _add_positions(builder, mesh.vertices[vertices], origin)}
         rows = rows_of[like]
         columns = _corner_columns(split.normals[rows], uv.values[uv.of[like]] if uv else None)
         columns |= {name: values[vertices] for name, values in of_vertices.items()}
         attributes |= {name: builder.accessor(values.astype("<f4")) for name, values in columns.items()}
         indices = builder.accessor(faces.astype("<u4").ravel(), ELEMENT_ARRAY_BUFFER)
-        if len(groups) > len(mesh_file.parts) and fits_float(vertices):
+        if len(runs) > len(asset.parts) and fits_float(vertices):
             attributes[SOURCE_INDEX] = builder.accessor(vertices.astype("<f4"))
-        primitive = {"attributes": attributes, "indices": indices, "material": group.material.key}
+        primitive = {"attributes": attributes, "indices": indices, "material": run.material.key + 1}
         builder.header["meshes"][-1]["primitives"].append(primitive)
         drawn.append(Drawn(primitive, vertices, rows))
     return builder, drawn
@@ -96,8 +90,8 @@ def _empty_document() -> GlbBuilder:
     return GlbBuilder({"asset": asset, "scene": 0, "scenes": scenes, "nodes": [], "meshes": [], "materials": [white]})
 
 
-def _group_vertices(
-    mesh: Mesh, part: Submesh, face_rows: Int64s, split_by: list[PerCorner], keeps_all: bool
+def _run_vertices(
+    mesh: Mesh, part: Part, face_rows: Int64s, split_by: list[PerCorner], keeps_all: bool
 ) -> tuple[Int64s, Int64s, Int64s]:
     """The vertices (k,) of the mesh that some of its faces get, the faces (m, 3), and a corner like each vertex (k,).
 
@@ -136,26 +130,22 @@ def part_origin(vertices: Float64s) -> Float64s | None:
     return np.asarray((vertices.min(axis=0) + vertices.max(axis=0)) / 2)
 
 
-def _vertex_columns(source: SourceAttributes, colors: str) -> dict[str, npt.NDArray[Any]]:
+def _vertex_columns(asset: Asset, colors: str) -> dict[str, npt.NDArray[Any]]:
     """Attributes of the vertices by glTF's names: colours, unless all channels are to hold w, and the source's
     further numbers.
 
     Args:
         colors: channels of `COLOR_0` that are to hold w.
     """
-    columns: dict[str, npt.NDArray[Any]] = {}
-    stored = source.colors if len(colors) < 2 else None
-    if stored is None and len(colors) == 1:
-        stored = fractions(stored_colors(source.elements))  # the grey of an earlier bake
-    if stored is not None:
-        columns["COLOR_0"] = np.concatenate([decode_srgb(stored[:, :3]), stored[:, 3:]], axis=1)
-    return columns | {f"_{name.upper()}": source.numbers[name] for name in kept_numbers(source)}
+    colours = asset.colours(grey=bool(colors)) if len(colors) < 2 else None
+    columns = {} if colours is None else {"COLOR_0": colours}
+    return columns | {f"_{name.upper()}": asset.numbers[name] for name in kept_numbers(asset)}
 
 
-def kept_numbers(source: SourceAttributes) -> list[str]:
+def kept_numbers(asset: Asset) -> list[str]:
     """Names of the further numbers of vertices that a .glb has: float32 holds them, and capitals do not clash."""
     name_of = {"OBSCURANCE": ""}
-    for name, values in source.numbers.items():
+    for name, values in asset.numbers.items():
         if fits_float(values):
             name_of.setdefault(name.upper(), name)
     return [name for name in name_of.values() if name]

@@ -6,7 +6,7 @@ Format: Khronos glTF 2.0 specification, sections 3.7.2.2 (morph targets) and 3.7
 """
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,12 +14,20 @@ import numpy.typing as npt
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.types import Float64s
 
-from ...geometry.instances import MAX_COPIED, Instance, cofactors
+from ...geometry.instances import MAX_COPIED, cofactors
 from .accessors import column, values, vectors
 from .asset import DrawnPrimitive, Gltf, entry
 
 _BLOCK = 1 << 14  # vertices at a time
 _MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+class Posed(NamedTuple):
+    """Vertices and normals (n, 3) of a primitive, and where a skin places them."""
+
+    vertices: npt.NDArray[Any]
+    normals: npt.NDArray[Any] | None
+    matrix: Float64s | None = None  # (4, 4), to the world; None: that of the node
 
 
 @dataclass(eq=False)
@@ -35,7 +43,7 @@ class Poses:
     _moved: int = 0
     _skins: dict[int, Float64s] = field(default_factory=dict)
 
-    def posed(self, drawn: DrawnPrimitive, stored: Instance) -> Instance:
+    def posed(self, drawn: DrawnPrimitive, stored: Posed) -> Posed:
         """A primitive, given in its own frame, posed: there, or with a skin in the world, mirrored if its joints do."""
         at = f"meshes[{drawn.mesh}].primitives[{drawn.primitive_number}]"
         targets = drawn.primitive.targets
@@ -64,7 +72,7 @@ class Poses:
             values = values + weight * delta.astype(np.float64)
         return values
 
-    def _skinned(self, skin: int, drawn: DrawnPrimitive, stored: Instance, at: str) -> Instance:
+    def _skinned(self, skin: int, drawn: DrawnPrimitive, stored: Posed, at: str) -> Posed:
         """A primitive in the world, as the joints of a skin move it. Args: at: its path, for messages."""
         matrices = self._joints(skin)
         joints, weights = self._influences(drawn, len(stored.vertices), f"{at}.")
@@ -87,9 +95,9 @@ class Poses:
             if normals is not None and stored.normals is not None:
                 normals[block] = _times(cofactor, stored.normals[block]) * sign[:, None]
         if turned >= 0:
-            return stored._replace(vertices=vertices, normals=normals, matrix=np.eye(4))
+            return Posed(vertices, normals, np.eye(4))
         normals = None if normals is None else normals * _MIRROR
-        return stored._replace(vertices=vertices * _MIRROR, normals=normals, matrix=np.diag([*_MIRROR, 1.0]))
+        return Posed(vertices * _MIRROR, normals, np.diag([*_MIRROR, 1.0]))
 
     def _joints(self, number: int) -> Float64s:
         """The maps (j, 3, 4) of a skin's joints: from the space that the mesh is stored in to the world."""

@@ -2,111 +2,174 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from obscurance.raytrace.errors import MeshError
 
-from ...geometry.instances import Instance, check_copies
+from ...asset.asset import Asset, Node
+from ...asset.primitive import COLOR, NORMAL, RAMP, Column, ColumnSet, Lazy, Primitive, W
+from ...geometry.instances import check_copies
 from ..table import MeshInput
-from .accessors import normalized, triangles, values, vectors
-from .asset import Gltf, decode, entry
+from .accessors import column, flipped, normalized, triangles, values, vectors
+from .asset import DrawnPrimitive, Gltf, decode, entry
 from .draco import decompressed
-from .pose import Poses, in_words
-from .records import PROFILE, TRANSMISSION, Primitive
+from .occlusion import ramp_sets
+from .pose import Posed, Poses, in_words
+from .records import PROFILE, TRANSMISSION
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
 
+    from ...asset.material import Material
+
 _COPIES = "EXT_mesh_gpu_instancing"
+_UV = "TEXCOORD_"
+_READ = ("POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0", "_OBSCURANCE")
+_WORDS = {
+    "materials": "materials", "textures": "textures", "animations": "animations", "skins": "skins",
+    "cameras": "cameras", "extensionsUsed": "extensions",
+}  # fmt: skip
 
 
-def read_gltf(mesh_input: MeshInput) -> tuple[list[Instance], Gltf]:
-    """The triangle primitives that a file draws, in the order of `Gltf.drawn`, sharing arrays by shape, and its asset.
+def read_gltf(mesh_input: MeshInput) -> Asset:
+    """The triangle primitives that a file draws, in the order of `Gltf.drawn`, each shape once.
 
-    Raises: ValueError: as `decode` and `Poses`, compressed values, very many copies, nodes that are no tree, no image
-        with alpha.
+    Raises: ValueError: as `decode` and `Poses`, compressed values, very many copies, nodes that are no tree.
     """
-    asset = decompressed(decode(mesh_input.file.read(), mesh_input.path))
-    textures = None
-    if mesh_input.alpha and _has_alpha(asset):
-        from .textures import Textures, opacity_of
-
-        textures = Textures(asset)
-    poses = Poses(asset)
-    shapes: dict[Any, Instance] = {}
-    instances: list[Instance] = []
+    raw = decompressed(decode(mesh_input.file.read(), mesh_input.path))
+    poses = Poses(raw)
+    primitives: dict[Any, tuple[int, Primitive, Posed]] = {}
+    nodes: list[Node] = []
+    notes = dict.fromkeys(in_words(raw))
     copied = 0
-    for drawn in asset.drawn:
-        # Each shape once, posed.
-        if drawn.shape not in shapes:
-            shape = poses.posed(drawn, _shape(asset, drawn.primitive))
-            if textures:
-                shape = shape._replace(opacity=opacity_of(textures, drawn.primitive, shape.faces))
-            shapes[drawn.shape] = shape
-        shape = shapes[drawn.shape]
-        copied += len(shape.vertices) + len(shape.faces)
-        check_copies(copied, sum(map(len, asset.buffers)), asset.path)
-        # Its instance: named by the node or the mesh, and placed by the node unless a skin has done so.
-        node = asset.geometry.nodes[drawn.node]
-        mesh = asset.geometry.meshes[drawn.mesh]
-        name = node.name or mesh.name or f"node {drawn.node}"
-        if len(mesh.primitives) > 1:
-            name += f"[{drawn.primitive_number}]"
-        notes = () if instances else in_words(asset)
-        if _COPIES in node.extensions:
-            notes += (f"{name} is drawn many times by {_COPIES}, which is not read: once here",)
-        matrix = asset.world[drawn.node] if drawn.skin is None else shape.matrix
-        instances.append(shape._replace(name=name, matrix=matrix, notes=notes))
-    if textures and textures.notes:
-        instances[0] = instances[0]._replace(notes=(*instances[0].notes, *textures.notes))
-    return instances, asset
+    for drawn in raw.drawn:
+        if drawn.shape not in primitives:
+            primitives[drawn.shape] = (len(primitives), *_primitive(raw, drawn, poses))
+        number, primitive, posed = primitives[drawn.shape]
+        copied += len(primitive.positions) + len(primitive.sizes)
+        check_copies(copied, sum(map(len, raw.buffers)), raw.path)
+        # Its node, named after itself or its mesh, which places it unless a skin has done so.
+        stored = raw.geometry.nodes[drawn.node]
+        name = stored.name or raw.geometry.meshes[drawn.mesh].name or f"node {drawn.node}"
+        if _COPIES in stored.extensions:
+            notes[f"{name}{primitive.name} is drawn many times by {_COPIES}, which is not read: once here"] = None
+        matrix = raw.world[drawn.node] if drawn.skin is None else posed.matrix
+        if nodes and nodes[-1].stored == drawn.node and (nodes[-1].matrix is matrix or drawn.skin is None):
+            nodes[-1] = nodes[-1]._replace(primitives=(*nodes[-1].primitives, number))
+        else:  # also for a primitive that a skin mirrors beside others that it does not
+            nodes.append(Node(name, (number,), matrix, drawn.mesh, drawn.node))
+    return Asset(
+        mesh_input.path,
+        tuple(primitive for _, primitive, _ in primitives.values()),
+        tuple(nodes),
+        Lazy(partial(_materials, raw, notes)),
+        up="y",
+        told=notes,
+        unread=_unread(raw),
+        raw=raw,
+        has_alpha=mesh_input.alpha and _has_alpha(raw),
+    )
 
 
-def _has_alpha(asset: Gltf) -> bool:
+def _materials(raw: Gltf, notes: dict[str, None]) -> tuple[Material, ...]:
+    from .textures import Textures
+
+    return tuple(Textures(raw, notes).materials())
+
+
+def _has_alpha(raw: Gltf) -> bool:
     """Whether some material may not be opaque; opaque ones are not read."""
-    materials = asset.header.get("materials", [])
+    materials = raw.header.get("materials", [])
     tables = [table for table in materials if isinstance(table, dict)] if isinstance(materials, list) else []
     return any(
         table.get("alphaMode", "OPAQUE") != "OPAQUE" or TRANSMISSION in table.get("extensions", ()) for table in tables
     )
 
 
-def _shape(asset: Gltf, primitive: Primitive) -> Instance:
-    """A primitive where its own frame has it."""
-    attributes = primitive.attributes
+def _unread(raw: Gltf) -> tuple[str, ...]:
+    """What a file holds that others than glTF cannot, in words."""
+    words = ["nodes"] if len(raw.drawn) > 1 else []
+    words += [words for key, words in _WORDS.items() if raw.header.get(key)]
+    names = [drawn.primitive.attributes.keys() - _ramps(raw, drawn) for drawn in raw.drawn]
+    return (*words, *sorted(set[str]().union(*names) - set(_READ)))
+
+
+def _ramps(raw: Gltf, drawn: DrawnPrimitive) -> set[str]:
+    """The texture coordinates of a primitive by which an earlier bake looks up its ramp."""
+    with suppress(TypeError, AttributeError, KeyError):  # whoever uses malformed materials refuses them
+        return {f"{_UV}{number}" for number in ramp_sets(raw.header, drawn.stored)}
+    return set()
+
+
+def _primitive(raw: Gltf, drawn: DrawnPrimitive, poses: Poses) -> tuple[Primitive, Posed]:
+    """A primitive as it is posed."""
+    stored = drawn.primitive
+    attributes = stored.attributes
     if "POSITION" not in attributes:
         raise ValueError("a primitive without POSITION")
-    vertices = vectors(asset, attributes["POSITION"])
-    accessor = asset.geometry.accessors[attributes["POSITION"]]
+    positions = vectors(raw, attributes["POSITION"])
+    accessor = raw.geometry.accessors[attributes["POSITION"]]
     if accessor.bufferView is None and accessor.sparse is None:  # zeros, of which there is nothing to see
-        raise MeshError(asset.path, "POSITION", "uncompressed values", "no data")
-    normals = vectors(asset, attributes["NORMAL"]) if "NORMAL" in attributes else None
-    faces = triangles(asset, primitive, len(vertices))
-    w = _stored_w(asset, attributes, len(vertices))
-    profile = _stored_profile(asset, attributes, len(vertices))
-    return Instance("", vertices, faces, normals, w=w, profile=profile, up="y")
+        raise MeshError(raw.path, "POSITION", "uncompressed values", "no data")
+    normals = vectors(raw, attributes["NORMAL"]) if "NORMAL" in attributes else None
+    posed = poses.posed(drawn, Posed(positions, normals))
+    corners = triangles(raw, stored, len(positions)).ravel()
+    columns = _columns(raw, drawn)
+    if posed.normals is not None:
+        columns |= {NORMAL: Column(posed.normals)}
+    several = len(raw.geometry.meshes[drawn.mesh].primitives) > 1
+    primitive = Primitive.of(
+        posed.vertices,
+        corners,
+        columns=columns,
+        material=None if stored.material is None else np.broadcast_to(np.int64(stored.material), len(corners) // 3),
+        profile=_stored_profile(raw, attributes, len(positions)),
+        name=f"[{drawn.primitive_number}]" if several else "",
+    )
+    return primitive, posed
 
 
-def _stored_w(asset: Gltf, attributes: dict[str, int], count: int) -> npt.NDArray[Any] | None:
-    """w of an earlier bake, unless the attribute of that name is something else."""
-    with suppress(KeyError, ValueError):
-        w = values(asset, attributes["_OBSCURANCE"], "SCALAR").ravel()
+def _columns(raw: Gltf, drawn: DrawnPrimitive) -> ColumnSet:
+    """Texture coordinates, colours and w of an earlier bake, read when they are used."""
+    columns: dict[str, Column | Callable[[], Column]] = {}
+    ramps = _ramps(raw, drawn)
+    for name in drawn.primitive.attributes:
+        if name.startswith(_UV):
+            key = (RAMP if name in ramps else "uv") + name.removeprefix(_UV)
+            columns[key] = partial(_column, raw, drawn, name, "VEC2")
+        elif name == "COLOR_0":
+            columns[COLOR] = partial(_column, raw, drawn, name, "VEC3", "VEC4")
+    with suppress(KeyError, ValueError):  # unless the attribute of that name is something else
+        w = values(raw, drawn.primitive.attributes["_OBSCURANCE"], "SCALAR").ravel()
+        count = entry(raw.geometry.accessors, drawn.primitive.attributes["POSITION"], "accessors").count
         if len(w) == count and w.dtype.kind == "f":
-            return w
-    return None
+            columns[W] = Column(w)
+    return ColumnSet(columns)
 
 
-def _stored_profile(asset: Gltf, attributes: dict[str, int], count: int) -> Profile | None:
+def _column(raw: Gltf, drawn: DrawnPrimitive, name: str, *kinds: str) -> Column:
+    """An attribute as a column. Raises: MeshError: values that are not finite, or not one for each vertex."""
+    try:
+        stored = column(raw, drawn.primitive, name, *kinds)
+    except (ValueError, KeyError, TypeError) as reason:
+        expected = "two numbers a vertex" if name.startswith(_UV) else "three or four numbers a vertex"
+        raise MeshError(raw.path, name, expected, reason) from None
+    assert stored is not None
+    return Column(flipped(stored) if name.startswith(_UV) else stored)
+
+
+def _stored_profile(raw: Gltf, attributes: dict[str, int], count: int) -> Profile | None:
     """The profile of an earlier bake, unless the attributes of these names are something else."""
     with suppress(KeyError, TypeError, ValueError):
-        extras = entry(asset.geometry.accessors, attributes[f"{PROFILE}0"], "accessors").extras
+        extras = entry(raw.geometry.accessors, attributes[f"{PROFILE}0"], "accessors").extras
         lengths = extras["half_distances"]
         numbers = [attributes[f"{PROFILE}{number}"] for number in range(-(-len(lengths) // 4))]
-        columns = np.hstack([normalized(values(asset, number, "VEC4")) for number in numbers])
+        columns = np.hstack([normalized(values(raw, number, "VEC4")) for number in numbers])
         if len(columns) == count:
             from obscurance.ao import Profile
 

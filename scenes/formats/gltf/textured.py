@@ -11,8 +11,8 @@ from obscurance.ao.texture.uv_layout import on_page
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.types import AnyFloats, Float64s, Int64s
 
-from ..load import MeshFile, parser_errors
-from ..primitive_groups import primitive_groups
+from ...asset.asset import Asset
+from ..load import parser_errors
 from .accessors import flipped, normalized, triangles, values
 from .asset import Gltf
 from .builder import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GlbBuilder
@@ -27,7 +27,7 @@ _RESTART = 65535  # in indices of 16 bits, no vertex (section 3.7.2.1)
 
 
 def textured_glb(
-    mesh_file: MeshFile,
+    source: Asset,
     pages: Sequence[BakedTexture],
     replace: bool = False,
     orm: bool = False,
@@ -46,15 +46,16 @@ def textured_glb(
     Raises: InputError: malformed materials or values; coordinates too large for float32.
     """
     # The document without textures, and what puts these into its materials.
-    builder, drawn = document(mesh_file, None)
-    asset = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)])
-    textures = OrmTextures(builder, replace, asset=mesh_file.gltf) if orm else OcclusionTextures(builder, replace)
+    builder, drawn = document(source, None)
+    asset = Gltf(source.path, builder.header, [bytes(builder.binary)])
+    raw = source.raw if isinstance(source.raw, Gltf) else None
+    textures = OrmTextures(builder, replace, asset=raw) if orm else OcclusionTextures(builder, replace)
     numbers = [textures.add_page(page.w) for page in pages]
     on_no_page: list[tuple[dict[str, Any], Int64s]] = []
     kept = 0
     # Each primitive: kept, on no page, or divided by its pages.
-    for (primitive, vertices, _), group in zip(drawn, primitive_groups(mesh_file), strict=True):
-        on_pages = np.array([on_page(page.uv[group.faces]) for page in pages])
+    for (primitive, vertices, _), run in zip(drawn, source.runs(), strict=True):
+        on_pages = np.array([on_page(page.uv[run.faces]) for page in pages])
         if not textures.materials(primitive):
             kept += 1
         elif not on_pages.any(axis=0).all():
@@ -62,9 +63,9 @@ def textured_glb(
         else:
             record = parse(Primitive, primitive, asset.path)
             faces = triangles(asset, record, len(vertices)).astype(np.int64)
-            is_turned = not np.array_equal(vertices[faces], mesh_file.mesh.faces[group.faces])  # mirrored: turned over
+            is_turned = not np.array_equal(vertices[faces], source.mesh.faces[run.faces])  # mirrored: turned over
             for page, face_rows, piece in _by_page(builder, primitive, on_pages.argmax(axis=0)):
-                uv = pages[page].uv[group.faces[face_rows], :: -1 if is_turned else 1]
+                uv = pages[page].uv[run.faces[face_rows], :: -1 if is_turned else 1]
                 number = _set_of(asset, record, faces[face_rows], uv)
                 if number is None:
                     number = free_set(builder.header, piece)
@@ -86,13 +87,13 @@ def textured_glb(
     return builder.encode(), lines
 
 
-def check_vertices(mesh_file: MeshFile) -> None:
+def check_vertices(source: Asset) -> None:
     """Read all attributes of the vertices that a glTF draws, which `take_vertices` reads after a bake.
 
     Raises: MeshError: one is malformed, has not a row for each vertex, or a number that is not finite.
     """
-    asset = mesh_file.gltf
-    if not asset:
+    asset = source.raw
+    if not isinstance(asset, Gltf):
         return
     with parser_errors(asset.path):
         for drawn in {(drawn.mesh, drawn.primitive_number): drawn for drawn in asset.drawn}.values():

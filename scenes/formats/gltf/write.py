@@ -15,8 +15,7 @@ from obscurance.raytrace.image.write import linear_png
 from obscurance.raytrace.mesh.mesh import TO_Y_UP, up_axis
 from obscurance.raytrace.types import AnyFloats, Float64s
 
-from ...geometry.instances import Submesh
-from ..load import MeshFile
+from ...asset.asset import Asset, Part
 from ..table import Channels
 from .accessors import stored_colors
 from .asset import DRACO, MESHOPT, Gltf
@@ -29,7 +28,7 @@ SETS_OF_ALL_VIEWERS = 2  # the least that viewers must support (section 3.7.2.1)
 _ROWS = 4
 
 
-def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+def glb(bake: Bake, asset: Asset, channels: Channels) -> bytes:
     """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR), and those of a profile.
 
     A glTF source is kept as stored; only what holds w is added, and meshes that several nodes share are given to each
@@ -37,37 +36,37 @@ def glb(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
 
     Raises: MeshError: malformed materials. OptionError: coordinates of what was no glTF are too large for float32.
     """
-    builder, drawn = document(mesh_file, bake, channels)
+    builder, drawn = document(asset, bake, channels)
     if channels.ramp:
-        whole = len(mesh_file.mesh.vertices)
+        whole = len(asset.mesh.vertices)
         shown = [(of.primitive, bake.w[of.vertices if len(bake.w) == whole else of.rows]) for of in drawn]
         write_ramp(builder, shown, channels.replace)
     return builder.encode()
 
 
-def document(mesh_file: MeshFile, bake: Bake | None, channels: Channels = Channels()) -> tuple[GlbBuilder, list[Drawn]]:
+def document(asset: Asset, bake: Bake | None, channels: Channels = Channels()) -> tuple[GlbBuilder, list[Drawn]]:
     """The document of a mesh file, with w of a bake, and its drawn primitives. Raises: as `glb`."""
-    asset = mesh_file.gltf
-    builder, drawn = _stored(asset, mesh_file.parts) if asset else plain(mesh_file, channels.colors)
-    stored = Gltf(mesh_file.path, builder.header, [bytes(builder.binary)]) if len(channels.colors) == 1 else None
-    _add_up_axis_node(builder.header, up_axis(mesh_file.mesh, channels.up), asset)
+    raw = asset.raw if isinstance(asset.raw, Gltf) else None
+    builder, drawn = _stored(raw, asset.parts) if raw else plain(asset, channels.colors)
+    stored = Gltf(asset.path, builder.header, [bytes(builder.binary)]) if len(channels.colors) == 1 else None
+    _add_up_axis_node(builder.header, up_axis(asset.mesh, channels.up), raw)
     if bake:
         for primitive, vertices, rows in drawn:
             colors = None if stored is None else stored_colors(stored, primitive["attributes"], len(vertices))
-            of = vertices if len(bake.w) == len(mesh_file.mesh.vertices) else rows
+            of = vertices if len(bake.w) == len(asset.mesh.vertices) else rows
             builder.annotate(primitive, bake, of, channels.colors, colors)
     return builder, drawn
 
 
-def _stored(asset: Gltf, parts: tuple[Submesh, ...]) -> tuple[GlbBuilder, list[Drawn]]:
+def _stored(raw: Gltf, parts: tuple[Part, ...]) -> tuple[GlbBuilder, list[Drawn]]:
     """The document of a glTF source with a mesh of its own for each instance, and its drawn primitives."""
-    _ = asset.materials  # to find what is malformed
-    builder = one_buffer(asset)
+    _ = raw.materials  # to find what is malformed
+    builder = one_buffer(raw)
     nodes = builder.header["nodes"]
     meshes = builder.header["meshes"]
     owner: dict[int, int] = {}  # the node that keeps a mesh which several show
     drawn: list[Drawn] = []
-    for shown, part in zip(asset.drawn, parts, strict=True):
+    for shown, part in zip(raw.drawn, parts, strict=True):
         node = nodes[shown.node]
         if owner.setdefault(shown.mesh, shown.node) != shown.node and node["mesh"] == shown.mesh:
             meshes.append(copy.deepcopy(meshes[shown.mesh]))
@@ -170,11 +169,23 @@ def write_ramp(builder: GlbBuilder, drawn: Iterable[tuple[dict[str, Any], AnyFlo
     textures.apply()
 
 
-def ramp_warnings(asset: Gltf, replace: bool) -> list[str]:
+def has_colors(asset: Asset, checked: bool) -> bool:
+    """Whether a glTF has colours of vertices. Raises: MeshError: they are malformed, and to be `checked`."""
+    raw = asset.raw
+    assert isinstance(raw, Gltf)
+    for drawn, part in zip(raw.drawn, asset.parts, strict=True) if checked else ():
+        stored_colors(raw, drawn.primitive.attributes, part.vertices.stop - part.vertices.start)
+    primitives = [primitive for mesh in raw.geometry.meshes for primitive in mesh.primitives]
+    return any("COLOR_0" in primitive.attributes for primitive in primitives)
+
+
+def ramp_warnings(asset: Asset, replace: bool) -> list[str]:
     """Warnings where `write_ramp` leaves w out, or some viewers will: lines for the user, mostly none."""
-    header = asset.header
+    raw = asset.raw
+    assert isinstance(raw, Gltf)
+    header = raw.header
     textures = OcclusionTextures(GlbBuilder(header), replace)
-    primitives = {drawn[1:3]: drawn.stored for drawn in asset.drawn}.values()
+    primitives = {drawn[1:3]: drawn.stored for drawn in raw.drawn}.values()
     taking = [primitive for primitive in primitives if textures.materials(primitive)]
     lines = []
     if left_out := len(primitives) - len(taking):

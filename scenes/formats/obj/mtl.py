@@ -16,7 +16,7 @@ import numpy as np
 
 from obscurance.raytrace.errors import first_names, printable
 
-from ...geometry.attributes import SourceMaterial, is_opacity_map, is_picture
+from ...asset.material import Material, is_opacity_map, is_picture, picture
 from .text import joined_lines
 
 _NAMES, _NAME = 3, 60  # of libraries or materials that a message lists, and letters of each
@@ -38,7 +38,7 @@ _IDLE = (  # options at their defaults, and options of filters and bumps
 )
 
 
-Libraries = tuple[dict[str, SourceMaterial], list[Path], list[str]]
+Libraries = tuple[dict[str, Material], list[Path], list[str]]
 """The materials of libraries by name, the files they come from, and what was left out, in words."""
 
 
@@ -47,7 +47,7 @@ def read_libraries(names: str, folder: Path) -> Libraries:
 
     Args: names: what follows each `mtllib`, a statement a line. folder: of the OBJ file.
     """
-    known: dict[str, SourceMaterial] = {}
+    known: dict[str, Material] = {}
     files: list[Path] = []
     left: list[str] = []
     find = partial(_resolve_inside, folder)
@@ -59,7 +59,7 @@ def read_libraries(names: str, folder: Path) -> Libraries:
         known = materials | known  # the first of a name counts
         files.append(library)
         for material in materials.values():
-            files += filter(None, (material.texture, material.opacity_texture))
+            files += material.pictures
         left += missing
     return known, files, left
 
@@ -88,7 +88,7 @@ def _resolve_inside(folder: Path, name: str) -> Path | None:
     return resolve_inside(name.strip().strip('"'), folder)
 
 
-def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, SourceMaterial], list[str]]:
+def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, Material], list[str]]:
     """The materials of a library by name, and what of it was left out, in words; `find` finds files."""
     statements_of: dict[str, dict[str, Any]] = {}
     left = []
@@ -102,9 +102,9 @@ def read_mtl(path: Path, find: Callable[[str], Path | None]) -> tuple[dict[str, 
             statements[key] = _numbers(rest, *_NUMBERS[key])
         elif key in _MAPS:
             name, options = _picture(rest)
-            picture = statements[key] = find(name)
-            left += [f"{OPTION} {option} of {key} ({name})" for option in options if picture]
-            if not picture or (key == "map_Kd" and not is_picture(picture)):
+            image = statements[key] = find(name)
+            left += [f"{OPTION} {option} of {key} ({name})" for option in options if image]
+            if not image or (key == "map_Kd" and not is_picture(image)):
                 left.append(f"texture of {key} ({rest or 'no name'})")
                 del statements[key]
         elif key.startswith(_UNREAD):
@@ -151,7 +151,7 @@ def _numbers(text: str, count: int, largest: float) -> tuple[float, ...]:
     return tuple(np.broadcast_to(values, count).clip(0, largest).tolist())
 
 
-def _material(name: str, statements: dict[str, Any]) -> SourceMaterial:
+def _material(name: str, statements: dict[str, Any]) -> Material:
     """A material from its statements, by keyword. Its roughness is that of the exponent `Ns`."""
 
     def number(key: str, otherwise: float = 0.0) -> float:
@@ -163,15 +163,19 @@ def _material(name: str, statements: dict[str, Any]) -> SourceMaterial:
     glossy = (2 / (exponent + 2)) ** 0.25 if statements.get("Ns") and any(specular) else 1.0
     texture = statements.get("map_Kd")
     opacity_texture = statements.get("map_d")
-    return SourceMaterial(
+    if opacity_texture and not is_opacity_map(opacity_texture, texture):
+        opacity_texture = None
+    opacity = 1.0 if _is_opaque(statements) else number("d", 1 - number("Tr"))
+    return Material(
         name,
         statements.get("Kd") or (1.0, 1.0, 1.0),
-        opacity=1.0 if _is_opaque(statements) else number("d", 1 - number("Tr")),
+        opacity=opacity,
+        alpha="blend" if opacity < 1 or opacity_texture else "opaque",
         metallic=number("Pm"),
         roughness=number("Pr", glossy),
         emission=statements.get("Ke") or black,
         specular=specular,
         exponent=exponent,
-        texture=texture,
-        opacity_texture=opacity_texture if opacity_texture and is_opacity_map(opacity_texture, texture) else None,
+        texture=picture(texture),
+        opacity_texture=picture(opacity_texture),
     )

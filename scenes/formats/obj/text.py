@@ -4,6 +4,7 @@ Kernels read vertices and faces from blocks of the file's bytes, on all cores; t
 """
 
 import re
+from collections.abc import Iterable
 from functools import cached_property
 from typing import NamedTuple
 
@@ -29,8 +30,10 @@ from obscurance.raytrace.text import (
 )
 from obscurance.raytrace.types import Bools, Float64s, Int64s
 
+from ...asset.asset import Stored
 from ..number_rows import for_blocks, line_blocks, round_left
 
+_KEPT = "o", "g", "s", "usemtl", "mtllib"
 _RUN = re.compile(r"^[ \t]*(\w+)(?!\S)[^\n]*(?:\n[ \t]*\1(?!\S)[^\n]*)*+", re.MULTILINE)
 
 
@@ -40,6 +43,13 @@ class Run(NamedTuple):
     keyword: str
     text: str
     faces: int
+
+
+class Obj(Stored):
+    """The statements of a file that name the faces after them, and those of its material libraries."""
+
+    def __init__(self, runs: Iterable[Run]) -> None:
+        self.runs = [run for run in runs if run.keyword in _KEPT]
 
 
 class FaceNames(NamedTuple):

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from obscurance.raytrace.image.colour import encode_srgb
-from obscurance.raytrace.mesh.mesh import UP, PerCorner
-from obscurance.raytrace.types import AnyInts, Float32s, Float64s, Int64s
+from obscurance.raytrace.mesh.mesh import UP
+from obscurance.raytrace.types import AnyInts, Float32s
 
-from ...geometry.attributes import Element, Property, SourceAttributes, SourceMaterial, find_picture
-from ...geometry.polygons import Triangulation
+from ...asset.asset import Stored
+from ...asset.material import Material, find_picture, picture
+from ...asset.primitive import COLOR, Column, ColumnSet, reverse_order
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
@@ -35,10 +38,83 @@ UP_COMMENT = "comment up "  # of files of ours, and an axis
 PROFILE = "obscurance_"  # and two digits: columns of a profile
 PROFILE_COMMENT = "comment obscurance profile: "  # of files of ours, the radius and the half-distances
 RGB = ("red", "green", "blue")
+OWN = "comment obscurance: "  # of files of ours, and what holds w
 _TEXTURE = "comment TextureFile "  # of MeshLab and others, and a name
 UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 _MESH = ("x", "y", "z", "nx", "ny", "nz")
 _NO_VALUES = np.empty(0)
+
+
+class Property(NamedTuple):
+    """A column of an element of a PLY file."""
+
+    name: str
+    kind: str  # the type of its values
+    values: npt.NDArray[Any]  # (n,), or the values of all lists one after the other
+    counted: str = ""  # of lists, the type of their lengths
+    sizes: npt.NDArray[Any] = np.empty(0, np.int64)  # (n,), of lists their lengths
+
+    def fitting(self) -> Property:
+        """The same values in the same type if it holds them, or else in one that does."""
+        kind = self.kind
+        with np.errstate(all="ignore"):
+            if self.values.dtype != np.dtype("<" + kind):
+                cast = self.values.astype("<" + kind)
+                if not np.array_equal(cast, self.values, equal_nan=kind in "fd"):
+                    kind = "d"
+            counted = self.counted
+            if counted and not np.array_equal(self.sizes.astype("<" + counted), self.sizes):
+                counted = "I"
+        return self._replace(kind=kind, counted=counted)
+
+
+@dataclass(eq=False)
+class Element:
+    """So many rows of some properties of a PLY file."""
+
+    name: str
+    count: int
+    properties: tuple[Property, ...]
+
+    @property
+    def fitting(self) -> Element:
+        """The same with all properties in types that hold their values."""
+        return replace(self, properties=tuple(column.fitting() for column in self.properties))
+
+    def others(self, *names: str | None) -> tuple[Property, ...]:
+        """The properties but those of these names, and of a profile."""
+        return tuple(column for column in self.properties if column.name not in names and not is_profile(column.name))
+
+
+class Ply(Stored):
+    """A file as it is stored: all elements, and the comments that are no bake's."""
+
+    def __init__(self, elements: Sequence[Element], comments: tuple[str, ...]) -> None:
+        self.elements = tuple(elements)
+        self.comments = tuple(line for line in comments if not line.startswith((OWN, PROFILE_COMMENT)))
+
+    def reversed(self) -> Self:
+        """The file with the corners of faces in reverse order, in all lists that have a value or a pair for each, and
+        with normals negated."""
+        face = columns_of(self.elements, "face", lists=True)
+        sizes = next((face[name].sizes for name in INDICES if name in face), np.empty(0, np.int64))
+        order = reverse_order(sizes)
+
+        def turned(element: str, column: Property) -> Property:
+            values = column.values
+            if element == "vertex" and column.name in ("nx", "ny", "nz"):
+                values = -values
+            elif element == "face" and column.counted and len(values) in (len(order), 2 * len(order)):
+                wide = len(values) // max(len(order), 1)
+                if np.array_equal(column.sizes, wide * sizes):
+                    values = values.reshape(-1, wide)[order].ravel()
+            return column._replace(values=values)
+
+        elements = [
+            replace(element, properties=tuple(turned(element.name, column) for column in element.properties))
+            for element in self.elements
+        ]
+        return type(self)(elements, self.comments)
 
 
 def row_of(element: Element, lengths: Mapping[str, int], order: str = "<") -> np.dtype[Any]:
@@ -129,41 +205,38 @@ def write_header(elements: Iterable[Element], comments: Iterable[str]) -> bytes:
     return "\n".join([*lines, "end_header\n"]).encode("latin-1", "replace")
 
 
-def ply_attributes(
-    elements: tuple[Element, ...],
-    comments: tuple[str, ...],
-    corners: Int64s,
-    sizes: AnyInts,
-    triangles: Triangulation,
-    folder: Path,
-) -> SourceAttributes:
-    """All of a PLY file. Args: corners, sizes: of its polygons. folder: where it is, and textures that it names."""
+def ply_columns(elements: Sequence[Element], sizes: AnyInts) -> ColumnSet:
+    """Texture coordinates, colours and further values of vertices. Args: sizes: of the polygons."""
     vertex = columns_of(elements, "vertex")
-    face = columns_of(elements, "face")
-    uv, used = _coordinates(vertex, columns_of(elements, "face", lists=True).get("texcoord"), corners, sizes)
-    understood = {*_MESH, *RGB, "alpha", "obscurance", *used}
-    numbers = {
-        name: column.values for name, column in vertex.items() if name not in understood and not is_profile(name)
-    }
-    # Comments that are no bake's, and the textures that they name.
-    kept_comments = tuple(line for line in comments if not line.startswith(("comment obscurance: ", PROFILE_COMMENT)))
-    names = [line.removeprefix(_TEXTURE).strip() for line in comments if line.startswith(_TEXTURE)] if uv else []
-    pictures = [find_picture(name, folder) for name in names]
-    number = face["texnumber"].values if "texnumber" in face else np.zeros(len(sizes))
-    material_of = np.where((number >= 0) & (number < len(names)), number, -1).astype(np.int64)
-    return SourceAttributes(
-        corners,
-        np.asarray(sizes, np.int64),
-        triangles,
-        uv,
-        colors=fractions(own_colors(elements)),
-        numbers=numbers,
-        materials=tuple(SourceMaterial(name, texture=texture) for name, texture in zip(names, pictures, strict=True)),
-        material_of=material_of if names else None,
-        elements=elements,
-        comments=kept_comments,
-        files=tuple(filter(None, pictures)),
-    )
+    columns: dict[str, Column | Callable[[], Column]] = {}
+    used = {*_MESH, *RGB, "alpha", "obscurance"}
+    for pair in UV:
+        if "uv0" not in columns and all(name in vertex and _finite(vertex[name]) for name in pair):
+            columns["uv0"] = partial(_stacked, [vertex[name] for name in pair])
+            used |= {*pair}
+    wedges = columns_of(elements, "face", lists=True).get("texcoord")
+    if "uv0" not in columns and wedges and _finite(wedges) and np.array_equal(wedges.sizes, 2 * sizes):
+        columns["uv0"] = Column(wedges.values.reshape(-1, 2), np.arange(len(wedges.values) // 2))
+    colours = stored_colors(elements)
+    if set(RGB) <= set(colours):
+        columns[COLOR] = partial(_colours, colours.values())
+    further = {name: column for name, column in vertex.items() if name not in used and not is_profile(name)}
+    return ColumnSet(columns | {name: Column(column.values) for name, column in further.items()})
+
+
+def ply_materials(comments: Iterable[str], folder: Path) -> tuple[Material, ...]:
+    """A material for each texture that comments name, as MeshLab and others write them."""
+    names = [line.removeprefix(_TEXTURE).strip() for line in comments if line.startswith(_TEXTURE)]
+    return tuple(Material(name, texture=picture(find_picture(name, folder))) for name in names)
+
+
+def _colours(columns: Iterable[Property]) -> Column:
+    fractions = [column.values.astype(np.float64) / _largest(column.kind) for column in columns]
+    return Column(np.stack(fractions, axis=1), srgb=True)
+
+
+def _stacked(columns: Sequence[Property]) -> Column:
+    return Column(np.stack([column.values for column in columns], axis=1))
 
 
 def columns_of(elements: Sequence[Element], name: str, lists: bool = False) -> dict[str, Property]:
@@ -172,13 +245,13 @@ def columns_of(elements: Sequence[Element], name: str, lists: bool = False) -> d
     return {column.name: column for column in columns if bool(column.counted) == lists}
 
 
-def stored_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
+def stored_colors(elements: Sequence[Element]) -> dict[str, Property]:
     """The vertices' properties red, green, blue and alpha, as far as there are any."""
     vertex = columns_of(elements, "vertex")
     return {name: vertex[name] for name in (*RGB, "alpha") if name in vertex}
 
 
-def own_colors(elements: tuple[Element, ...]) -> dict[str, Property]:
+def own_colors(elements: Sequence[Element]) -> dict[str, Property]:
     """The vertices' colours as `stored_colors`, none if they are the grey that a bake has left."""
     colors = stored_colors(elements)
     baked = columns_of(elements, "vertex").get("obscurance")
@@ -199,13 +272,6 @@ def grey_of(w: npt.NDArray[Any]) -> Float32s:
     return np.rint(255 * encode_srgb(np.nan_to_num(w)))
 
 
-def fractions(colors: dict[str, Property]) -> Float64s | None:
-    """`stored_colors` or `own_colors` as (n, 3) or (n, 4) in [0, 1], None if one of red, green and blue is missing."""
-    if not set(RGB) <= set(colors):
-        return None
-    return np.stack([column.values.astype(np.float64) / _largest(column.kind) for column in colors.values()], axis=1)
-
-
 def with_channel(w: npt.NDArray[Any], channel: str, stored: dict[str, Property]) -> list[Property]:
     """`stored_colors` with w, alpha linear, others sRGB-encoded, in the one that begins with the letter `channel`.
 
@@ -217,18 +283,6 @@ def with_channel(w: npt.NDArray[Any], channel: str, stored: dict[str, Property])
     levels = values.astype(kind) if kind in "fd" else np.rint(values * _largest(kind))
     white = {column: Property(column, kind, np.full(len(w), _largest(kind))) for column in RGB}
     return [*(white | stored | {name: Property(name, kind, levels)}).values()]
-
-
-def _coordinates(
-    vertex: dict[str, Property], wedges: Property | None, corners: Int64s, sizes: AnyInts
-) -> tuple[PerCorner | None, tuple[str, ...]]:
-    """Texture coordinates, of vertices or of corners, and the vertices' properties that they come from."""
-    for pair in UV:
-        if all(name in vertex and _finite(vertex[name]) for name in pair):
-            return PerCorner(np.stack([vertex[name].values for name in pair], axis=1).astype(np.float64), corners), pair
-    if wedges and _finite(wedges) and np.array_equal(wedges.sizes, 2 * sizes):
-        return PerCorner(wedges.values.reshape(-1, 2).astype(np.float64), np.arange(len(corners))), ()
-    return None, ()
 
 
 def _finite(column: Property) -> bool:

@@ -8,25 +8,37 @@ Format: Greg Turk, The PLY polygon file format, 1994. No count is trusted: rows 
 import struct
 from array import array
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from obscurance.raytrace.errors import MeshError
 
-from ...geometry.attributes import Element, Property
-from ...geometry.instances import Instance
-from ...geometry.polygons import strip_triangles, triangulate
+from ...asset.asset import Asset
+from ...asset.primitive import NORMAL, Column, Primitive, W
+from ...geometry.polygons import strip_triangles
 from ..number_rows import NumberRows, whole
 from ..table import MeshInput
-from .layout import COUNT, INDICES, PlyHeader, columns_of, ply_attributes, read_header, row_of
+from .layout import (
+    COUNT,
+    INDICES,
+    Element,
+    Ply,
+    PlyHeader,
+    Property,
+    columns_of,
+    ply_columns,
+    ply_materials,
+    read_header,
+    row_of,
+)
 
 _NORMAL = ("nx", "ny", "nz")
 
 
-def read_ply(mesh_input: MeshInput) -> list[Instance]:
-    """The vertices and triangles, with normals if there are `nx ny nz`; with `keep` all elements.
-
-    `tristrips` of a file without faces become a face for each triangle.
+def read_ply(mesh_input: MeshInput) -> Asset:
+    """The vertices and polygons, with all elements; `tristrips` of a file without faces become faces.
 
     Raises: MeshError: the file ends early, or has no vertices. ValueError, KeyError: anything else that is not PLY.
     """
@@ -39,27 +51,33 @@ def read_ply(mesh_input: MeshInput) -> list[Instance]:
     if not any(element.count for element in elements if element.name == "vertex"):
         raise MeshError(source, "elements", "one of vertices", "none")
     vertex = {name: column.values for name, column in columns_of(elements, "vertex").items()}
-    vertices = np.stack([vertex[axis] for axis in "xyz"], axis=1)
-    normals = np.stack([vertex[axis] for axis in _NORMAL], axis=1) if set(_NORMAL) <= set(vertex) else None
     # Faces: of both usual names of their list of vertices, the first that the file has.
-    corners = np.empty(0, np.int64)
-    sizes = np.empty(0, np.int64)
+    corners: npt.NDArray[Any] = np.empty(0, np.int64)
+    sizes: npt.NDArray[Any] = corners
     for column in filter(None, map(columns_of(elements, "face", lists=True).get, INDICES[::-1])):
-        corners = whole(column.values)
-        sizes = column.sizes
-    triangles = triangulate(vertices, corners, sizes, source)
-    instance = Instance(
-        mesh_input.name, vertices, triangles.take(corners), normals, notes=triangles.notes, up=header.up
-    )
-    # All elements, for an output that can hold them.
-    if mesh_input.keep:
-        stored = list(map(_declared, elements)) if header.text else elements
-        folder = mesh_input.path.parent
-        attributes = ply_attributes(tuple(stored), header.comments, corners, sizes, triangles, folder)
-        instance = instance._replace(attributes=attributes)
-    w = vertex.get("obscurance")
-    profile = header.profile(vertex)
-    return [instance._replace(w=w, profile=profile, polygons=triangles.polygons)]
+        corners, sizes = column.values, column.sizes
+    if corners.dtype.kind not in "iu":  # of text
+        corners = whole(corners)
+    # What is kept, of text in the types that the file declares; normals and w have all digits.
+    stored = list(map(_declared, elements)) if header.text else elements
+    columns = ply_columns(stored, sizes)
+    if set(_NORMAL) <= set(vertex):
+        columns |= {NORMAL: Column(np.stack([vertex[axis] for axis in _NORMAL], axis=1))}
+    if "obscurance" in vertex:
+        columns |= {W: Column(vertex["obscurance"])}
+    positions = np.stack([vertex[axis] for axis in "xyz"], axis=1)
+    primitive = Primitive.of(positions, corners, sizes, source, columns=columns, profile=header.profile(vertex))
+    materials = ply_materials(header.comments, mesh_input.path.parent) if "uv0" in columns else ()
+    if materials:
+        face = columns_of(elements, "face")
+        number = face["texnumber"].values if "texnumber" in face else np.zeros(len(sizes))
+        material_of = np.where((number >= 0) & (number < len(materials)), number, -1).astype(np.int64)
+        primitive = primitive._replace(material=material_of)
+    pictures = tuple(path for material in materials for path in material.pictures)
+    raw = Ply(stored, header.comments)
+    return Asset.single(
+        mesh_input.path, mesh_input.name, primitive, materials=materials, up=header.up, pictures=pictures, raw=raw
+    )  # fmt: skip
 
 
 def _cut(strips: Element) -> Element:
@@ -156,7 +174,7 @@ def _read_rows(data: bytes, start: int, order: str, element: Element) -> tuple[l
         return _walk(data, start, order, element, element.count)
     columns = []
     for column in element.properties:
-        sizes = np.full(len(table) if column.counted else 0, lengths.get(column.name, 0))
+        sizes = np.broadcast_to(np.int64(lengths.get(column.name, 0)), len(table) if column.counted else 0)
         columns.append(column._replace(values=table[column.name].reshape(-1), sizes=sizes))
     return columns, start + table.nbytes
 

@@ -8,20 +8,19 @@ from obscurance.ao import Bake
 from obscurance.raytrace.mesh.mesh import Mesh, up_axis
 from obscurance.raytrace.mesh.normals import face_normals
 
-from ...geometry.attributes import Element, Property, SourceAttributes, float_normals, triangle_attributes
-from ..load import MeshFile
+from ...asset.asset import Asset
+from ...asset.primitive import float_normals
 from ..table import Channels
 from . import layout
-from .layout import COUNT, RGB, UP_COMMENT, grey_of, is_profile, own_colors, stored_colors
+from .layout import COUNT, RGB, UP_COMMENT, Element, Ply, Property, grey_of, own_colors, stored_colors
 
-OWN = "comment obscurance: 1 = open"
 GREY = "; red green blue = obscurance as sRGB"
 _COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"}
 MESHLAB = "quality"  # the property that MeshLab shows
 _COMMENTS |= {name[0]: f"; {name} = obscurance as sRGB" for name in RGB}
 
 
-def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
+def ply(bake: Bake, asset: Asset, channels: Channels) -> bytes:
     """A PLY file with the float property `obscurance`, and grey `red green blue`, w as sRGB, where that replaces
     nothing. A profile becomes obscurance_00, …, and a comment with the radius and the half-distances.
 
@@ -32,19 +31,20 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     "rgb" the grey also replaces the source's own colours; with one letter w replaces only that channel. A comment says
     which axis but y is up.
     """
-    attributes = mesh_file.held
+    raw = asset.raw if isinstance(asset.raw, Ply) else None
     profile = bake.profile
-    elements = attributes.elements or _elements(mesh_file.mesh, attributes)
-    cut = channels.ply_name == MESHLAB and cuts_polygons(mesh_file)
+    elements = raw.elements if raw else _elements(asset)
+    cut = channels.ply_name == MESHLAB and cuts_polygons(asset)
     if cut:
-        elements = tuple(_cut(element, attributes) if element.name == "face" else element for element in elements)
-    colour_channels = channels.colors or ("" if has_own_colors(attributes) else "rgb")
+        elements = tuple(_cut(element, asset) if element.name == "face" else element for element in elements)
+    colour_channels = channels.colors or ("" if has_own_colors(asset) else "rgb")
     # Comments: the axis that is up, what the grey is, and the profile's distances.
-    axis = up_axis(mesh_file.mesh, channels.up)
-    comments = [line for line in attributes.comments if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
+    axis = up_axis(asset.mesh, channels.up)
+    stored = raw.comments if raw else ()
+    comments = [line for line in stored if not line.startswith(UP_COMMENT) or line == UP_COMMENT + axis]
     if axis != "y" and UP_COMMENT + axis not in comments:
         comments.insert(0, UP_COMMENT + axis)
-    comments.insert(0, OWN + _COMMENTS[colour_channels])
+    comments.insert(0, f"{layout.OWN}1 = open" + _COMMENTS[colour_channels])
     if profile:
         words = [*map(repr, [profile.radius, *profile.half_distances.tolist()])]
         words += ["max_distance", repr(profile.max_distance)] if "max_distance" in profile.lengths else []
@@ -52,59 +52,60 @@ def ply(bake: Bake, mesh_file: MeshFile, channels: Channels) -> bytes:
     # The elements, with w in that of vertices or of faces.
     further = channels.ply_name
     named = "face" if bake.at == "faces" else "vertex"
-    values = _of_polygons(bake, mesh_file) if bake.at == "faces" and not cut else bake
-    fitting = []
-    for element in elements:
-        annotated = _annotate(element, values, colour_channels, further) if element.name == named else element
-        fitting.append(replace(element, properties=tuple(column.fitting() for column in annotated.properties)))
+    values = _of_polygons(bake, asset) if bake.at == "faces" and not cut else bake
+    fitting = [
+        (_annotate(element, values, colour_channels, further) if element.name == named else element).fitting
+        for element in elements
+    ]
     return b"".join([layout.write_header(fitting, comments), *map(_rows, fitting)])
 
 
 def bare_ply(mesh: Mesh) -> bytes:
     """A PLY file of the vertices and faces alone, in double where float does not hold them."""
-    elements = _elements(mesh, triangle_attributes(mesh.faces))
+    elements = _elements(Asset.of(mesh))
     return b"".join([layout.write_header(elements, []), *map(_rows, elements)])
 
 
-def has_own_colors(attributes: SourceAttributes) -> bool:
+def has_own_colors(asset: Asset) -> bool:
     """Whether the source has vertex colours that are not the grey of an earlier bake."""
-    return bool(own_colors(attributes.elements)) or (attributes.colors is not None and not attributes.elements)
+    if isinstance(asset.raw, Ply):
+        return bool(own_colors(asset.raw.elements))
+    return any(part.primitive.own_colours for part in asset.parts)
 
 
-def cuts_polygons(mesh_file: MeshFile) -> bool:
+def cuts_polygons(asset: Asset) -> bool:
     """Whether polygons for MeshLab become triangles: it opens none that have lists of texture coordinates."""
-    held = mesh_file.held
-    if held.uv is None or (held.sizes == 3).all():
+    uv = asset.uv_of_polygons()
+    if uv is None or (asset.sizes == 3).all():
         return False
-    if held.elements:
-        return "texcoord" in layout.columns_of(held.elements, "face", lists=True)
-    has_all = bool(np.isfinite(held.uv.values).all())
-    return has_all and held.uv.at_vertices(held.corners, len(mesh_file.mesh.vertices)) is None
+    if isinstance(asset.raw, Ply):
+        return "texcoord" in layout.columns_of(asset.raw.elements, "face", lists=True)
+    return bool(np.isfinite(uv.values).all()) and uv.at_vertices(asset.corners, len(asset.mesh.vertices)) is None
 
 
-def _cut(element: Element, attributes: SourceAttributes) -> Element:
+def _cut(element: Element, asset: Asset) -> Element:
     """The element of faces with its polygons as triangles: lists of one value or pair a corner, and single values."""
-    triangles, sizes = attributes.triangles, attributes.sizes
+    triangles, sizes, count = asset.triangles, asset.sizes, len(asset.corners)
     columns = []
     for column in element.properties:
-        wide = len(column.values) // max(len(attributes.corners), 1)
+        wide = len(column.values) // max(count, 1)
         if not column.counted:
             columns.append(column._replace(values=np.repeat(column.values, triangles.counts)))
         elif wide and np.array_equal(column.sizes, wide * sizes):
-            places = triangles.take(np.arange(len(attributes.corners))).ravel()
+            places = triangles.take(np.arange(count)).ravel()
             values = column.values.reshape(-1, wide)[places].ravel()
             columns.append(column._replace(values=values, sizes=np.full(int(triangles.counts.sum()), 3 * wide)))
     return Element(element.name, int(triangles.counts.sum()), tuple(columns))
 
 
-def _of_polygons(bake: Bake, mesh_file: MeshFile) -> Bake:
+def _of_polygons(bake: Bake, asset: Asset) -> Bake:
     """w of the polygons that the faces of a bake were cut from: the mean by area. Its profile is left out."""
-    polygon = mesh_file.held.triangles.polygons
+    polygon = asset.triangles.polygons
     if polygon is None:
         return replace(bake, profile=None)
     areas = np.maximum(face_normals(bake.mesh.vertices, bake.mesh.faces)[1], 1e-300)
     w = np.bincount(polygon, areas * bake.w) / np.bincount(polygon, areas)
-    below = bake.below and _of_polygons(bake.below, mesh_file)
+    below = bake.below and _of_polygons(bake.below, asset)
     return replace(bake, w=w, below=below, profile=None)
 
 
@@ -115,13 +116,8 @@ def _annotate(element: Element, bake: Bake, colour_channels: str, further: str |
         colour_channels: channels of colours that hold w, "" for none.
         further: the name of a second property of w.
     """
-    replaced = (
-        "obscurance",
-        further,
-        *(RGB if colour_channels else ()),
-        *(("alpha",) if len(colour_channels) == 1 else ()),
-    )
-    unchanged = [column for column in element.properties if column.name not in replaced and not is_profile(column.name)]
+    colours = (*RGB, "alpha")[: {0: 0, 1: 4}.get(len(colour_channels), 3)]
+    unchanged = element.others("obscurance", further, *colours)
     added = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, ("obscurance", further))]
     if bake.below:
         added.append(Property("obscurance_below", "f", bake.below.w.astype("<f4")))
@@ -136,31 +132,34 @@ def _annotate(element: Element, bake: Bake, colour_channels: str, further: str |
     return replace(element, properties=(*unchanged, *added))
 
 
-def _elements(mesh: Mesh, attributes: SourceAttributes) -> tuple[Element, ...]:
-    """Elements of a mesh that was no PLY: vertices, and faces with what another format's attributes hold."""
+def _elements(asset: Asset) -> tuple[Element, ...]:
+    """Elements of what was no PLY: vertices, and faces with what else the source holds of them."""
     # Coordinates and normals.
+    mesh = asset.mesh
     columns = [Property(axis, "f", mesh.vertices[:, number]).fitting() for number, axis in enumerate("xyz")]
     if any(column.kind == "d" for column in columns):
         columns = [column._replace(kind="d") for column in columns]
     if mesh.normals is not None:
         normals = float_normals(mesh.normals)
         columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
-    # Polygons, texture coordinates and colours of another format.
-    sizes = attributes.sizes
-    corners = attributes.corners
+    # Polygons, texture coordinates and colours.
     lists = []
-    if attributes.uv and np.isfinite(attributes.uv.values).all():
-        uv = attributes.uv.at_vertices(corners, len(mesh.vertices))
-        if uv is None:
-            uv = attributes.uv.values[attributes.uv.of]
-            lists = [Property("texcoord", "f", uv.astype("<f4").ravel(), "B", 2 * sizes)]
+    uv = asset.uv_of_polygons()
+    if uv and np.isfinite(uv.values).all():
+        by_vertex = uv.at_vertices(asset.corners, len(mesh.vertices))
+        if by_vertex is None:
+            values = uv.values[uv.of]
+            lists = [Property("texcoord", "f", values.astype("<f4").ravel(), "B", 2 * asset.sizes)]
         else:
-            columns += [Property(name, "f", uv[:, n].astype("<f4")) for n, name in enumerate("st")]
-    if attributes.colors is not None:
-        whole = np.rint(np.clip(np.nan_to_num(attributes.colors), 0, 1) * 255)
-        columns += [Property(name, "B", column) for name, column in zip((*RGB, "alpha"), whole.T, strict=False)]
-    faces = Property("vertex_indices", "i", corners, "B", sizes)
-    return Element("vertex", len(mesh.vertices), tuple(columns)), Element("face", len(sizes), (faces, *lists))
+            columns += [Property(name, "f", by_vertex[:, n].astype("<f4")) for n, name in enumerate("st")]
+    colours = asset.colours(srgb=True)
+    if colours is not None:
+        if colours.shape[1] == 4 and (colours[:, 3] == 1).all():
+            colours = colours[:, :3]
+        levels = np.rint(np.clip(np.nan_to_num(colours), 0, 1) * 255)
+        columns += [Property(name, "B", column) for name, column in zip((*RGB, "alpha"), levels.T, strict=False)]
+    faces = Property("vertex_indices", "i", asset.corners, "B", asset.sizes)
+    return Element("vertex", len(mesh.vertices), tuple(columns)), Element("face", len(asset.sizes), (faces, *lists))
 
 
 def _rows(element: Element) -> memoryview:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,11 +17,8 @@ from obscurance.raytrace.mesh.mesh import PerCorner
 from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
 from obscurance.raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
-from ...formats.load import MeshFile, parser_errors
-from ...geometry.attributes import SourceAttributes
-
-if TYPE_CHECKING:
-    from ...formats.gltf.asset import Gltf
+from ...asset.asset import Asset
+from ...formats.load import parser_errors
 
 Picture = tuple[Texture | None, AlphaSurface | None]  # of colours, and what of it is there
 _PLACES = (1 << 20) - 1  # steps of texture coordinates
@@ -72,7 +69,7 @@ def uv_steps(uv: Float64s) -> tuple[Int64s, dict[str, list[float]]]:
     return np.rint((uv - low) / step).astype(np.int64), {"uvLow": low.tolist(), "uvStep": step.tolist()}
 
 
-def base_colour(file: MeshFile) -> BaseColour | str | None:
+def base_colour(file: Asset) -> BaseColour | str | None:
     """Base colours of a file loaded for a page; why they cannot be shown, in words; or None if all is white."""
     try:
         return _read(file)
@@ -102,14 +99,11 @@ class _Collected:
         return self.pictures.index(picture)
 
 
-def _read(file: MeshFile) -> BaseColour | None:
+def _read(file: Asset) -> BaseColour | None:
     """The base colours of a file, None if all is white and opaque."""
     collected = _Collected(len(file.mesh.faces))
-    if file.gltf:
-        with parser_errors(file.path):
-            _collect_of_gltf(file, file.gltf, collected)
-    else:
-        _collect_of_attributes(file.mesh.faces, file.held, collected)
+    with parser_errors(file.path):
+        _collect_colours(file, collected)
     if file.mesh.opacity:
         _collect_alpha(file.mesh.opacity, collected)
     # Pictures that some face uses, numbered anew.
@@ -129,42 +123,30 @@ def _read(file: MeshFile) -> BaseColour | None:
     return BaseColour(codes, collected.uv * (1, -1) + (0, 1), collected.image_of, images, wraps, alpha)
 
 
-def _collect_of_gltf(file: MeshFile, asset: Gltf, collected: _Collected) -> None:
-    """Base colour factors, colours of vertices and textures of the primitives of a glTF."""
-    from ...formats.gltf.textures import Textures, vertex_colours
+def _collect_colours(file: Asset, collected: _Collected) -> None:
+    """Colours of vertices times those of materials, and the materials' images where there are texture coordinates.
 
-    textures = Textures(asset)
-    for drawn, part in zip(asset.drawn, file.parts, strict=True):
-        corners = file.mesh.faces[part.faces] - part.vertices.start
-        w = None if file.w is None else file.w[part.vertices]
-        colours = vertex_colours(asset, drawn.primitive, w)
-        factor = np.clip(asset.material(drawn.primitive).base[0][:3], 0, 1)
-        collected.light[part.faces] = factor if colours is None else factor * colours[corners]
-        if used := textures.of_base(drawn.primitive):
-            uv, texture = used
-            collected.uv[part.faces] = uv[corners]
-            collected.image_of[part.faces] = collected.number(texture)
-    if textures.notes:
-        raise MeshError(asset.path, "colours", "the pictures of all materials", "; ".join(textures.notes))
-
-
-def _collect_of_attributes(faces: Int64s, attributes: SourceAttributes, collected: _Collected) -> None:
-    """Colours of vertices times those of materials, and the materials' images where there are texture coordinates."""
-    if attributes.colors is not None:
-        collected.light = decode_srgb(attributes.colors[:, :3].clip(0, 1))[faces].astype(np.float64)
-    if attributes.material_of is None:
-        return
-    # Of each material and, last, of none, which −1 is.
-    factors = np.array([*(material.colour for material in attributes.materials), (1, 1, 1)])
-    pictures = [Texture(material.texture) if material.texture else None for material in attributes.materials]
-    material_of = attributes.of_faces(attributes.material_of)
-    collected.light = collected.light * factors[material_of, None]
-    uv = attributes.corner_uv()
-    if uv is not None:
-        image_of = np.array([*(-1 if picture is None else collected.number(picture) for picture in pictures), -1])
-        has_uv = np.asarray(~np.isnan(uv).any(axis=(1, 2)))
-        collected.uv = np.where(has_uv[:, None, None], uv, 0)
-        collected.image_of = np.where(has_uv, image_of[material_of], -1)
+    Raises: MeshError: a picture cannot be had.
+    """
+    left_out: dict[str, None] = {}
+    for run in file.runs():
+        part, material = file.parts[run.part], file.material(run.material.key)
+        rows = run.faces - part.faces.start
+        colours = part.primitive.shown_colours
+        collected.light[run.faces] = material.colour
+        if colours is not None:
+            collected.light[run.faces] *= colours[part.primitive.faces[rows]]
+        places = file.places(part.primitive, material.texture)
+        if material.texture and places:
+            if material.texture.fault:
+                left_out[material.texture.words] = None
+            elif material.texture.texture:
+                uv = places.values[part.primitive.rows(places)[rows]]
+                has_uv = ~np.isnan(uv).any(axis=(1, 2))
+                collected.uv[run.faces[has_uv]] = uv[has_uv]
+                collected.image_of[run.faces[has_uv]] = collected.number(material.texture.texture)
+    if left_out:
+        raise MeshError(file.path, "colours", "the pictures of all materials", "; ".join(left_out))
 
 
 def _collect_alpha(opacity: Opacity, collected: _Collected) -> None:

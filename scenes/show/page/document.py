@@ -20,7 +20,8 @@ from obscurance.raytrace.errors import check_type, printable
 from obscurance.raytrace.mesh.mesh import UP, up_axis
 from obscurance.raytrace.types import AnyFloats
 
-from ...formats.load import PIPED, MeshFile
+from ...asset.asset import Asset
+from ...formats.load import PIPED
 from ...formats.table import Channels
 from ..look import FLAGS, LOOK
 from .base_colour import BaseColour, base_colour
@@ -107,7 +108,7 @@ def _part(name: str) -> str:
     return files(__package__).joinpath("parts", name).read_text("utf-8")
 
 
-def page_of_bake(bake: Bake | Values, mesh_file: MeshFile, channels: Channels) -> bytes:
+def page_of_bake(bake: Bake | Values, mesh_file: Asset, channels: Channels) -> bytes:
     """The page, everything in it."""
     name = mesh_file.path.name
     title = "standard input" if mesh_file.path.stem == PIPED else name

@@ -16,9 +16,8 @@ from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_ending, check_outputs
 from obscurance.raytrace.types import Float64s, UInt8s
 
-from ...formats.gltf.occlusion import is_ramp
-from ...formats.gltf.textures import Textures
-from ...formats.load import MeshFile, load, parser_errors
+from ...asset.asset import Asset
+from ...formats.load import load, parser_errors
 from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated
 from ...formats.table import endings
 from .base_colour import base_colour
@@ -67,7 +66,7 @@ def view_results(
     return "\n".join(printable(line) for line in (written, *lying_notes(shared_file.mesh, up)))
 
 
-def _values(path: Path, count: int, source: MeshFile | None) -> Values:
+def _values(path: Path, count: int, source: Asset | None) -> Values:
     """What a page shows of the first `count` vertices of a file.
 
     Args: source: the mesh file, None of values alone.
@@ -87,22 +86,21 @@ def _values(path: Path, count: int, source: MeshFile | None) -> Values:
     return replace(values, **read_beside_w(path, count)).checked(count)
 
 
-def _textures(source: MeshFile | None) -> TexturedW | None:
-    """The occlusion textures of a glTF by which w varies between vertices: all but ramps."""
-    if source is None or source.gltf is None:
+def _textures(source: Asset | None) -> TexturedW | None:
+    """The occlusion textures by which w varies between vertices: all but ramps."""
+    if source is None or not source.is_scene:
         return None
-    asset = source.gltf
     count = len(source.mesh.vertices)
     uv = np.zeros((count, 2))
     of = np.full(count, -1)
     numbers: dict[tuple[Texture, float], int] = {}
-    with parser_errors(asset.path):
-        textures = Textures(asset)
-        for drawn, part in zip(asset.drawn, source.parts, strict=True):
-            used = textures.of_occlusion(drawn.primitive)
-            if used and not is_ramp(asset.header, drawn.primitive.material):
-                uv[part.vertices] = used[0] * (1, -1) + (0, 1)
-                of[part.vertices] = numbers.setdefault(used[1:], len(numbers))
+    with parser_errors(source.path):
+        for run in source.runs():
+            part, lookup = source.parts[run.part], source.material(run.material.key).occlusion
+            used = source.looked_up(part.primitive, lookup)
+            if lookup and used and not lookup.is_ramp:
+                uv[part.vertices] = used[0].values * (1, -1) + (0, 1)
+                of[part.vertices] = numbers.setdefault((used[1], lookup.strength), len(numbers))
         images = [_codes(*picture) for picture in numbers]
     return TexturedW(uv, of, images, [texture.wrap for texture, _ in numbers]) if numbers else None
 
@@ -114,7 +112,7 @@ def _codes(texture: Texture, strength: float) -> UInt8s:
     return np.rint(255 * np.clip(1 + strength * (codes[..., 0] / most - 1), 0, 1)).astype(np.uint8)
 
 
-def _check_same(mesh: Mesh, source: MeshFile) -> None:
+def _check_same(mesh: Mesh, source: Asset) -> None:
     """Check that a file has the vertices and faces of the mesh, but for vertices repeated with w of their own.
 
     Raises: SceneError.

@@ -121,17 +121,17 @@ def table(rng):
     return boxes + [([x - 0.05, y - 0.05, 0.01], [x + 0.05, y + 0.05, height - 0.01]) for x, y in legs]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_coarse_meshes_are_fitted_to_a_tolerance(seed):
     mesh = slabs(table(np.random.default_rng(seed)))
-    dense = bake_surface(mesh, samples=1 << 16, seed=99).w
+    dense = bake_surface(mesh, samples=1 << 18, seed=99).w
     rays = []
     for options in ({"tolerance": 0.01}, {}, {"tolerance": 0.004}):
         baked = bake_surface(mesh, **options, seed=seed)
         true = np.sqrt(np.mean((baked.w - dense) ** 2))
         tolerance = options.get("tolerance", 0.005)
         assert true < 1.1 * tolerance
-        assert true / 2 < baked.rmse <= tolerance
+        assert true / 1.3 < baked.rmse <= tolerance
         rays.append(baked.rays)
     assert rays[0] < rays[1] < rays[2]
 
@@ -227,6 +227,25 @@ def test_the_estimated_rmse_is_near_the_true_one(samples, falloff):
     order = np.argsort(bakes[0].error)
     quarter = len(off) // 4
     assert np.sqrt(np.mean(off[order[-quarter:]] ** 2)) > 2 * np.sqrt(np.mean(off[order[:quarter]] ** 2))
+
+
+def sunk():
+    """A ball that is sunk into a floor, and which of their vertices are in sight."""
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    mesh = Mesh(*join([grid(24, 4.0), (ball.vertices - [0, 0, 0.7], np.asarray(ball.faces))]))
+    x, y, z = mesh.vertices.T
+    on_floor = np.arange(len(z)) < 24**2
+    return mesh, ~np.where(on_floor, x**2 + y**2 < 1 - 0.7**2, z < 0)
+
+
+@pytest.mark.parametrize("samples", [64, 512])
+def test_what_nobody_sees_counts_for_nothing_in_the_estimated_rmse(samples):
+    mesh, in_sight = sunk()
+    dense = bake_surface(mesh, ao.Binary(), samples=1 << 14, seed=99).w
+    bakes = [bake_surface(mesh, ao.Binary(), samples=samples, seed=seed) for seed in range(4)]
+    true = np.sqrt(np.mean([(baked.w - dense)[in_sight] ** 2 for baked in bakes]))
+    estimated = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
+    assert true / 1.3 < estimated < true * 1.6
 
 
 def test_bent_normals_lean_away_from_a_wall_and_stand_up_on_an_open_plane():

@@ -9,8 +9,9 @@ from profiles import with_profile
 from obscurance import ao
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.asset.asset import Asset
 from obscurance.scenes.formats.images import write_grey
-from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.stored_w import find_profile, read_w
 from obscurance.scenes.formats.write import write
 
@@ -26,8 +27,8 @@ def folder(tmp_path, bake, monkeypatch):
     """Baked files with profiles: of vertices, of texels; `plain.ply` without one; and the mesh."""
     monkeypatch.chdir(tmp_path)
     plain = ao.bake(bake.mesh, samples=4)
-    write("plain.ply", plain, MeshFile.of(bake.mesh))
-    write("plain.npz", plain, MeshFile.of(bake.mesh))
+    write("plain.ply", plain, Asset.of(bake.mesh))
+    write("plain.npz", plain, Asset.of(bake.mesh))
     for ending in ("ply", "npz", "glb"):
         write(f"m.{ending}", bake, load("plain.ply", f"m.{ending}"))
     page = ao.Profile(0.1 * 2.0 ** np.arange(10), np.random.default_rng(1).random((4, 5, 10), np.float32), 2.0)
@@ -142,6 +143,6 @@ def test_mistakes_in_scenes_say_the_key(folder, table, field):
 
 
 def test_a_mesh_of_another_count_is_refused(folder):
-    write("other.ply", ao.bake(Mesh(*hills(3)), samples=1), MeshFile.of(Mesh(*hills(3))))
+    write("other.ply", ao.bake(Mesh(*hills(3)), samples=1), Asset.of(Mesh(*hills(3))))
     line = "falloff m.npz --half-distance 3% -o x.ply --mesh other.ply"
     refused_without_a_trace(folder, ["m.npz: profile: expected a row for each of the 9 vertices"], *line.split())

@@ -72,7 +72,7 @@ def test_each_instance_has_its_own_texture(tmp_path):
     assert "w.glb, below: 16" in result.stdout
     assert "overlap" not in result.stderr
     assert sorted(each.name for each in tmp_path.glob("*.exr")) == ["e.below.exr", "e.open.exr"]
-    header = scenes.load(made).gltf.header
+    header = scenes.load(made).raw.header
     assert len(header["materials"]) == 3  # the lid's, and one of each square
     positions = {mesh["primitives"][0]["attributes"]["POSITION"] for mesh in header["meshes"]}
     assert len(positions) == 2  # vertices are stored once
@@ -141,7 +141,7 @@ def test_charts_of_all_objects_are_packed_onto_one_page(tmp_path):
     file = scenes.load(made)
     assert json.loads(report.read_text())["texture"]["overlapping"] == 0
     assert np.array_equal(file.uv, scenes.load(path).uv)
-    header = file.gltf.header
+    header = file.raw.header
     textures = {json.dumps(each["occlusionTexture"]) for each in header["materials"]}
     assert textures == {'{"index": 0, "texCoord": 1}'}
     packed = file.texture_coordinates(1) * 64
@@ -152,7 +152,7 @@ def test_charts_of_all_objects_are_packed_onto_one_page(tmp_path):
         x, y = packed[part.faces].reshape(-1, 2).mean(axis=0).astype(int)  # in the middle
         assert abs(codes[63 - y, x] / 255 - w) < 0.05, part.name
     attributes = header["meshes"][0]["primitives"][0]["attributes"]
-    assert values(file.gltf, attributes["TEXCOORD_1"], "VEC2").shape == (4, 2)  # no vertex is split
+    assert values(file.raw, attributes["TEXCOORD_1"], "VEC2").shape == (4, 2)  # no vertex is split
 
 
 def similar(before, after, areas):

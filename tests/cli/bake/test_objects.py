@@ -124,7 +124,7 @@ def test_textures_and_glb(folder):
     mesh = Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
     assert np.array_equal(texture, ao.bake_texture(mesh, alone, 64, FALLOFF, 32).w.astype("f4"))
     baked(*some, "--size", "64", "--occlusion", "texture", mesh="m.glb", output="t.glb")
-    materials = scenes.load("t.glb").gltf.header["materials"]
+    materials = scenes.load("t.glb").raw.header["materials"]
     assert ["occlusionTexture" in each for each in materials].count(True) == 1
     baked(*some, mesh="m.glb", output="w.glb")
     w = scenes.load("w.glb").w

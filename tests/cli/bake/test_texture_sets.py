@@ -17,7 +17,6 @@ from obscurance.raytrace.image.write import linear_png
 from obscurance.scenes.bake.pages import Layouts, Page
 from obscurance.scenes.bake.uv import Coordinates
 from obscurance.scenes.formats.gltf.occlusion import image_name, occlusion_reference
-from obscurance.scenes.formats.gltf.textures import Textures
 
 HEIGHT = 0.5
 LID = [(-2, -2, HEIGHT), (2, -2, HEIGHT), (2, 2, HEIGHT), (-2, 2, HEIGHT)]
@@ -58,13 +57,12 @@ def image(path):
 def occlusion_of(path):
     """For each primitive drawn: the name of its occlusion texture's image, and w at its corners."""
     file, found = scenes.load(path), []
-    textures = Textures(file.gltf)
     w = scenes.read_w(path, len(file.mesh.vertices))
-    for drawn, part in zip(file.gltf.drawn, file.parts, strict=True):
+    for drawn, part in zip(file.raw.drawn, file.parts, strict=True):
         primitive = drawn.primitive
-        reference = occlusion_reference(file.gltf.header, primitive.material)
-        assert textures.of_occlusion(primitive)
-        found.append((image_name(file.gltf.header, reference), reference["index"], w[part.vertices]))
+        reference = occlusion_reference(file.raw.header, primitive.material)
+        assert file.looked_up(part.primitive, file.materials[primitive.material].occlusion)
+        found.append((image_name(file.raw.header, reference), reference["index"], w[part.vertices]))
     return found
 
 
@@ -279,5 +277,6 @@ def test_coordinates_of_an_obj_and_new_ones_from_python(tmp_path):
     assert file.uv.tolist() == [[[0, 0], [1, 0], [1, 1]]]
     uv = scenes.unwrap(file.mesh, 64)
     scenes.write(tmp_path / "q.glb", ao.bake_texture(file.mesh, uv, 64, samples=8), file)
-    assert np.allclose(scenes.load(tmp_path / "q.glb").uv, uv, atol=1e-6)
-    assert scenes.MeshFile.of((file.mesh.vertices, file.mesh.faces)).uv is None
+    np.testing.assert_array_equal(scenes.load(tmp_path / "q.glb").uv, file.uv)
+    assert np.allclose(scenes.load(tmp_path / "q.glb").texture_coordinates(1), uv, atol=1e-6)
+    assert scenes.Asset.of((file.mesh.vertices, file.mesh.faces)).uv is None

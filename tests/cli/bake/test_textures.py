@@ -166,7 +166,7 @@ def test_faces_without_area_on_the_page_get_charts_of_their_own_in_a_glb(tmp_pat
     assert len(json.loads((tmp_path / "r.json").read_text())["pages"]) == 2
     found = load(made)
     sets = [found.texture_coordinates(number) for number in range(2)]
-    assert [drawn.primitive_number for drawn in found.gltf.drawn] == [0, 1]
+    assert [drawn.primitive_number for drawn in found.raw.drawn] == [0, 1]
     old, new = (part.faces for part in found.parts)
     assert np.allclose(sets[0][old], load(path, "kept.glb").uv[:2], atol=1e-6)
     assert np.ptp(sets[1][new], axis=1).min() > 0.1

@@ -25,5 +25,5 @@ def report(folder):
 
 def columns(path):
     """The properties of a PLY file's elements by element and name, as our reader has them."""
-    (detail,) = [load(path, "x.ply").attributes]
-    return {element.name: {c.name: c for c in element.properties} for element in detail.elements}, detail
+    asset = load(path, "x.ply")
+    return {element.name: {c.name: c for c in element.properties} for element in asset.raw.elements}, asset

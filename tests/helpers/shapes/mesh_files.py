@@ -9,8 +9,8 @@ from gltf_files import QUAD, Builder
 
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.mesh.mesh import Mesh
-from obscurance.scenes.formats.load import MeshFile, load
-from obscurance.scenes.geometry.instances import Submesh
+from obscurance.scenes.asset.asset import Asset
+from obscurance.scenes.formats.load import load
 
 # Two squares that share an edge; vertex 2 repeats vertex 1, vertex 6 is unused.
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.25], [2, 0, 0], [9, 9, 9]])
@@ -134,8 +134,7 @@ def rich_ply(colors=((250, 10, 0, 255),) * 6):
 
 
 def mesh_file(vertices=QUAD, faces=((0, 1, 2), (0, 2, 3)), normals=None):
-    mesh = Mesh(vertices, faces, normals)
-    return MeshFile("m.obj", mesh, (Submesh("m", slice(0, len(mesh.vertices)), slice(0, len(mesh.faces))),))
+    return Asset.of(Mesh(vertices, faces, normals, source="m"))
 
 
 def random_bake(count):

@@ -65,7 +65,7 @@ def test_contacts_are_those_of_brute_force(seed):
     needles = rng.normal(size=(40, 1, 3)) + rng.normal(size=(40, 3, 3)) * rng.choice([1e-3, 3.0], size=(40, 1, 3))
     vertices, faces = join([sphere, grid(3, 1.7), (needles.reshape(-1, 3), np.arange(120).reshape(-1, 3))])
     points = np.concatenate([vertices, rng.normal(size=(200, 3))])
-    reach, margin = rng.uniform(0, 0.3, len(points)), rng.uniform(0, 0.1, len(faces))
+    reach, margin = rng.uniform(0, 0.3, len(points)), rng.uniform(0, 0.1, len(faces)).astype(np.float32)
     tree = BVH16.of(vertices.astype(np.float32), faces)
     surface = Surface.of(vertices, faces, np.zeros((len(faces), 3)))._replace(rounding=margin)
     found = find_contacts(tree, surface, points, reach, faces, np.arange(len(points)))

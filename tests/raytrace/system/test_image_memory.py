@@ -15,7 +15,7 @@ from obscurance.raytrace.image.read import read_image
 from obscurance.raytrace.image.texture import Texture, pack_textures, texture_alpha, texture_codes
 from obscurance.raytrace.lights.environment import read_environment
 from obscurance.raytrace.renderer.render import rendering_bytes
-from obscurance.scenes.geometry.attributes import is_opacity_map
+from obscurance.scenes.asset.material import is_opacity_map
 
 MIB = 1 << 20
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="measures by /proc")

@@ -160,7 +160,7 @@ def test_a_file_that_is_not_there_is_named(folder):
 
 
 def test_a_file_is_shown_in_a_line(folder):
-    assert repr(obscurance.load("hills.ply")).startswith("<MeshFile 'hills.ply': <Mesh 'hills.ply': ")
+    assert repr(obscurance.load("hills.ply")).startswith("<Asset 'hills.ply': <Mesh 'hills.ply': ")
     assert len(repr(obscurance.load("boxes.obj", names=True))) < 120
 
 

@@ -10,7 +10,7 @@ from mesh_files import VERTICES, obj, ply
 from meshes import hills
 
 from obscurance.raytrace import Mesh
-from obscurance.scenes import Box, MeshFile
+from obscurance.scenes import Asset, Box
 from obscurance.scenes.commands.info import describe, facts
 
 
@@ -91,7 +91,7 @@ def test_standard_input_is_described(standard_input):
 
 @pytest.mark.parametrize("size", [1e-150, 1e150])
 def test_any_size_is_json(size):
-    file = MeshFile.of(Mesh(VERTICES * size, [[0, 1, 2]]))
+    file = Asset.of(Mesh(VERTICES * size, [[0, 1, 2]]))
     json.dumps(facts(file), allow_nan=False)
     assert dict(describe(file))["vertices"] == str(len(VERTICES))
 

@@ -144,7 +144,7 @@ def test_hostile_texture_coordinates(tmp_path):
     for change in ({"byteOffset": 10**6}, {"count": 10**6}, {"type": "SCALAR"}, {"componentType": 5124}):
         builder = triangle()
         fields = textured(builder, {"uri": "data:image/png;base64,QUJD"}, **change)
-        with pytest.raises(MeshError, match=r"scene\.glb: (content|accessors\[1\])"):
+        with pytest.raises(MeshError, match=r"scene\.glb: TEXCOORD_0: expected two numbers a vertex, got "):
             read(tmp_path, builder, [{"mesh": 0}], **fields)
     builder = triangle()
     fields = textured(builder, {"uri": "data:image/png;base64,QUJD"}, np.full((3, 2), np.inf, "<f4"))

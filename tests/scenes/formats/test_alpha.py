@@ -15,7 +15,6 @@ from obscurance import ao
 from obscurance.ao.closed_forms import polygon_form_factor
 from obscurance.raytrace import InputError
 from obscurance.scenes import load, read_scene, write
-from obscurance.scenes.formats.primitive_groups import primitive_groups
 from obscurance.scenes.show.page.base_colour import base_colour
 
 MASK = {"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
@@ -169,7 +168,7 @@ def test_alpha_of_a_webp_is_read(tmp_path):
     path = glb(tmp_path, textured("MASK"), LEAF, image_fields=fields)
     assert np.allclose(w_of_floor(path), 1 - form_factors(right=0.0), atol=0.01)
     source = load(path, tmp_path / "w.glb")
-    assert [group.image for group in primitive_groups(source)] == [None, 0]
+    assert [source.material(run.material.key).image(0) for run in source.runs()] == [None, 0]
     assert base_colour(load(path, "page.html")).images[0].startswith(b"\x89PNG")
     orm = obscurance("bake", path, "-o", tmp_path / "w.glb", "--occlusion", "texture", "--orm", "--samples", 1)
     assert "uv" in orm.stderr  # the floor has no coordinates

@@ -95,6 +95,12 @@ def test_a_gmsh_file_is_read_without_a_word(tmp_path):
     np.testing.assert_array_equal(load("m.msh", content=content).mesh.vertices, PLACES)
 
 
+def test_a_mesh_of_mujoco_is_told_from_one_of_gmsh(tmp_path):
+    counts, triangle = np.array([5, 0, 0, 1], "<i4"), np.array([0, 1, 4], "<i4")
+    (tmp_path / "m.msh").write_bytes(counts.tobytes() + PLACES.astype("<f4").tobytes() + triangle.tobytes())
+    refused(obscurance("info", tmp_path / "m.msh"), "expected a mesh of Gmsh or Ansys", "got MuJoCo's own .msh")
+
+
 @pytest.mark.parametrize("keyword", ["*INCLUDE", " *Include"])
 def test_a_file_of_abaqus_includes_no_other(tmp_path, keyword):
     meshio.Mesh(PLACES, [("triangle", [[0, 1, 4]])]).write(tmp_path / "whole.inp")

@@ -7,7 +7,7 @@ import pytest
 from mesh_files import mistake
 
 from obscurance.raytrace.errors import MeshError
-from obscurance.scenes.formats.load import read_objects
+from obscurance.scenes.formats.load import read_asset
 from obscurance.scenes.formats.number_rows import BLOCK
 
 
@@ -73,14 +73,14 @@ def test_against_a_plain_reader(tmp_path, seed):
             content = " " * (BLOCK - rng.randrange(len(content) + 2)) + "\n" + content
         expected, data = plain(name, content, *counts), (head + content).encode()
         try:
-            made = read_objects(tmp_path / name, content=data)[0][0]
+            made = read_asset(tmp_path / name, content=data).primitives[0]
         except MeshError:
             assert expected is None, data
             refused += 1
             continue
         assert expected is not None, data
         fans = [[polygon[0], *polygon[k : k + 2]] for polygon in expected[1] for k in range(1, len(polygon) - 1)]
-        assert made.vertices.astype(float).tobytes() == expected[0], data
+        assert made.positions.astype(float).tobytes() == expected[0], data
         assert made.faces.tolist() == fans, data
         corners += fans
     assert 5 < refused < 60
@@ -100,5 +100,5 @@ def test_lines_of_fewer_numbers(tmp_path):
 )  # fmt: skip
 def test_lines_of_an_stl_out_of_order(tmp_path, old, new):
     stl = b"SOLID a\n facet normal 0 0 0\nvertex 0 0 0\n\tVertex 1 0 0\r\nvertex 0 1 0\nendsolid a"
-    assert len(read_objects(tmp_path / "m.stl", content=stl)[0][0].faces) == 1
+    assert len(read_asset(tmp_path / "m.stl", content=stl).mesh.faces) == 1
     assert "STL" in mistake(tmp_path, "m.stl", stl.replace(old, new, 1))

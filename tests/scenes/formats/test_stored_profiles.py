@@ -12,9 +12,10 @@ from profiles import with_profile
 from obscurance import ao
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.errors import SceneError
+from obscurance.scenes.asset.asset import Asset
 from obscurance.scenes.formats.falloffs import make_scales
 from obscurance.scenes.formats.images import write_grey
-from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.stored_w import find_profile, read_w
 from obscurance.scenes.formats.write import write
 
@@ -28,7 +29,7 @@ def bake():
 def source(tmp_path_factory, bake):
     """A mesh file of which a .glb repeats no vertex."""
     path = tmp_path_factory.mktemp("source") / "hills.ply"
-    write(path, ao.bake(bake.mesh, samples=4), MeshFile.of(bake.mesh))
+    write(path, ao.bake(bake.mesh, samples=4), Asset.of(bake.mesh))
     return path
 
 

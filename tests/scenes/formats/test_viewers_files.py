@@ -89,8 +89,8 @@ def test_an_obj_has_w_as_colours_and_keeps_polygons_coordinates_and_normals(fold
     for name in ("vertices", "faces", "normals"):
         np.testing.assert_array_equal(getattr(before.mesh, name), getattr(after.mesh, name))
     np.testing.assert_array_equal(before.uv, after.uv)
-    assert after.attributes.sizes.tolist() == [4, 3]
-    np.testing.assert_allclose(decode_srgb(after.attributes.colors), np.load("w.npy")[:, None].repeat(3, 1), atol=2e-6)
+    assert after.sizes.tolist() == [4, 3]
+    np.testing.assert_allclose(decode_srgb(after.colours(srgb=True)), np.load("w.npy")[:, None].repeat(3, 1), atol=2e-6)
     foreign = trimesh.load("out.obj", process=False, maintain_order=True)
     assert len(foreign.faces) == 3
     trimesh.creation.box().export("box.ply")
@@ -101,12 +101,12 @@ def test_an_obj_has_w_as_colours_and_keeps_polygons_coordinates_and_normals(fold
 def test_a_ply_has_w_by_another_name_too(folder):
     for options in (("--ply-name", "quality"), ("--preset", "meshlab")):
         bake("m.obj", "-o", "q.ply", *options)
-        vertex = columns_of(scenes.load("q.ply", "x.ply").attributes.elements, "vertex")
+        vertex = columns_of(scenes.load("q.ply", "x.ply").raw.elements, "vertex")
         np.testing.assert_array_equal(vertex["quality"].values, vertex["obscurance"].values)
         assert vertex["quality"].kind == "f"
     said = bake("rich.ply", "-o", "q.ply", "--ply-name", "quality")
     assert "w takes the place of quality of rich.ply" in said
-    vertex = columns_of(scenes.load("q.ply", "x.ply").attributes.elements, "vertex")
+    vertex = columns_of(scenes.load("q.ply", "x.ply").raw.elements, "vertex")
     np.testing.assert_array_equal(vertex["quality"].values, vertex["obscurance"].values)
 
 

@@ -72,7 +72,7 @@ def test_half_open_is_half_the_light_to_readers_of_either_format(tmp_path):
 
 def test_the_grey_of_a_bake_is_taken_for_w_and_not_for_a_colour(tmp_path):
     write(tmp_path / "m.ply", random_bake(4), mesh_file())
-    assert load(tmp_path / "m.ply", target="again.ply").attributes.colors is None
+    assert load(tmp_path / "m.ply", target="again.ply").colours(srgb=True) is None
     content = bytearray((tmp_path / "m.ply").read_bytes())
     rows = np.frombuffer(
         content, np.dtype([("p", "<f4", 3), ("w", "<f4"), ("grey", "u1", 3)]), 4, content.index(b"end_header\n") + 11
@@ -80,7 +80,7 @@ def test_the_grey_of_a_bake_is_taken_for_w_and_not_for_a_colour(tmp_path):
     np.testing.assert_array_equal(rows["grey"], np.rint(255 * encode_srgb(rows["w"]))[:, None].repeat(3, axis=1))
     rows["grey"] += 1
     (tmp_path / "m.ply").write_bytes(content)
-    assert load(tmp_path / "m.ply", target="again.ply").attributes.colors is not None
+    assert load(tmp_path / "m.ply", target="again.ply").colours(srgb=True) is not None
 
 
 def test_glb_of_a_plain_mesh(tmp_path):

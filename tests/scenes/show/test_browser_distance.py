@@ -11,7 +11,7 @@ from meshes import crumpled, hills
 from benchmarks.pictures import chromium
 from obscurance import ao
 from obscurance.raytrace import Mesh
-from obscurance.scenes.formats.load import MeshFile
+from obscurance.scenes.asset.asset import Asset
 from obscurance.scenes.formats.stored_w import read_w
 from obscurance.scenes.formats.write import write
 from obscurance.scenes.show.page.document import html_of_bakes
@@ -30,7 +30,7 @@ def bake():
 @pytest.fixture(scope="module")
 def folder(bake, tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
-    source = MeshFile.of(bake.mesh)
+    source = Asset.of(bake.mesh)
     write(folder / "m x.npz", bake, source)
     write(folder / "m.ply", bake, source)
     succeeded("view", folder / "m x.npz", "--mesh", folder / "m.ply", "-o", folder / "m.html")

@@ -45,7 +45,7 @@ def test_it_has_the_options_and_keeps_materials(folder):
     assert name == "obscurance"
     succeeded(*words)
     made = load(folder / "m-baked.glb")
-    assert made.gltf.header["materials"][1]["pbrMetallicRoughness"]["baseColorTexture"]
+    assert made.raw.header["materials"][1]["pbrMetallicRoughness"]["baseColorTexture"]
     succeeded("bake", "a b/m.obj", "-o", "w.glb", "--half-distance", "40%", *options)
     np.testing.assert_array_equal(read_w("m-baked.glb"), read_w("w.glb"))
 

@@ -89,7 +89,7 @@ def test_a_texture_saves_itself(tmp_path):
     baked.save(tmp_path / "ao.png")
     assert read_image(tmp_path / "ao.png")[0]["beauty"].shape[:2] == (16, 16)
     baked.save(tmp_path / "ao.glb")
-    assert obscurance.load(tmp_path / "ao.glb").gltf.header["materials"][0]["occlusionTexture"]
+    assert obscurance.load(tmp_path / "ao.glb").raw.header["materials"][0]["occlusionTexture"]
 
 
 @pytest.mark.usefixtures("entry_points")

@@ -151,7 +151,7 @@ def test_a_mesh_that_no_scene_shows_keeps_its_material(tmp_path):
 
 def test_skins_and_morph_targets_stay(tmp_path):
     source, _, header, binary = written(tmp_path, SAMPLES["skinned"]())
-    assert header["skins"] == source.gltf.header["skins"]
+    assert header["skins"] == source.raw.header["skins"]
     assert [node.get("skin") for node in header["nodes"]] == [0, None, 0]
     assert all({"JOINTS_0", "WEIGHTS_0", "TEXCOORD_1"} < set(each["attributes"]) for each in drawn(header))
     source, _, header, binary = written(tmp_path, SAMPLES["morphed"]())
@@ -175,7 +175,7 @@ def test_textures_that_are_moved_stay(tmp_path):
     (primitive,) = drawn(header)
     assert occlusion(header, primitive)["texCoord"] == 2
     surface = header["materials"][0]["pbrMetallicRoughness"]
-    assert surface == source.gltf.header["materials"][0]["pbrMetallicRoughness"]
+    assert surface == source.raw.header["materials"][0]["pbrMetallicRoughness"]
     (warning,) = unsupported_features(tmp_path / "out.glb", source, channels("out.glb", None, "ramp", False))
     expected = "out.glb: uses the set TEXCOORD_2; not every viewer reads more than 2: remove sets that are not used"
     assert warning.endswith(expected)
@@ -225,10 +225,10 @@ def test_plain_data_beside_compressed_are_read_and_those_alone_are_written(tmp_p
 def test_a_ply_takes_no_ramp_for_texture_coordinates(tmp_path):
     written(tmp_path, SAMPLES["plain"]())
     source = load(tmp_path / "out.glb", tmp_path / "m.ply")
-    assert source.attributes.uv is None
+    assert source.uv is None
     written(tmp_path, SAMPLES["textured"]())
     source = load(tmp_path / "out.glb", tmp_path / "m.ply")
-    np.testing.assert_array_equal(source.attributes.uv.values, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1))
+    np.testing.assert_array_equal(source.uv, np.stack([UV[:, 0], 1 - UV[:, 1]], axis=1)[source.mesh.faces])
     assert "TEXCOORD_1" not in source.unread
 
 

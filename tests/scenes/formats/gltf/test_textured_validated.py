@@ -15,8 +15,9 @@ from gltf_samples import SAMPLES
 from uv_meshes import grid_charts
 
 from obscurance.raytrace import MeshError
+from obscurance.scenes.asset.asset import Asset
 from obscurance.scenes.formats.gltf.textured import textured_glb
-from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.formats.load import load
 from obscurance.scenes.geometry.builtin_shapes import SOLIDS
 
 pytestmark = pytest.mark.skipif(validator.missing() is not None, reason=str(validator.missing()))
@@ -48,7 +49,7 @@ def faults(targets):
 
 
 def test_the_validator_finds_no_error_in_textured_samples_and_shapes(tmp_path):
-    shapes = {name: MeshFile.of(kind().geometry().mesh) for name, kind in SOLIDS.items()}
+    shapes = {name: Asset.of(kind().geometry().mesh) for name, kind in SOLIDS.items()}
     targets = [path for name, shape in shapes.items() for path in outputs(tmp_path, shape, name, WAYS[2:])]
     for name, make in SAMPLES.items():
         (tmp_path / f"{name}.glb").write_bytes(make())

@@ -11,8 +11,9 @@ from gltf_samples import SAMPLES, quad, with_images
 
 from benchmarks.pictures import browser
 from obscurance.raytrace import AmbientLight, Camera, Scene, Settings, render
+from obscurance.scenes.asset.asset import Asset
 from obscurance.scenes.description.gltf_scene import gltf_objects
-from obscurance.scenes.formats.load import MeshFile, load
+from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.write import write
 from obscurance.scenes.geometry.builtin_shapes import SOLIDS
 
@@ -45,7 +46,7 @@ def test_the_validator_finds_no_error_in_outputs_of_samples(tmp_path):
 @validated
 def test_the_validator_finds_no_error_in_outputs_of_built_in_shapes(tmp_path):
     targets = [
-        path for name, kind in SOLIDS.items() for path in outputs(tmp_path, MeshFile.of(kind().geometry().mesh), name)
+        path for name, kind in SOLIDS.items() for path in outputs(tmp_path, Asset.of(kind().geometry().mesh), name)
     ]
     assert {path.name: found for path, found in zip(targets, validator.errors(*targets), strict=True) if found} == {}
 

@@ -90,9 +90,8 @@ def test_faces_of_two_corners_are_left_out_in_a_line_and_names_stay_with_their_f
     (tmp_path / "m.obj").write_bytes(obj_with(text))
     file = load(tmp_path / "m.obj", "m.glb")
     assert file.notes == (f"{tmp_path / 'm.obj'}: 4 faces of fewer than three corners are left out",)
-    kept = file.attributes
-    assert kept.sizes.tolist() == [3, 3, 4]
-    assert [kept.materials[number].name for number in kept.material_of] == ["a", "b", "c"]
+    assert file.sizes.tolist() == [3, 3, 4]
+    assert [file.materials[number].name for number in file.primitives[0].material] == ["a", "b", "c"]
 
 
 VT = ["vt 0 0", "vt 1", "vt .25 x", "vt nan 1", "vt", "vt .5 .75"]

@@ -7,7 +7,7 @@ from command import obscurance
 from gltf_files import check_glb, values
 from kept_contents import bake, columns
 
-from obscurance.raytrace.image.texture import Texture, texture_alpha
+from obscurance.raytrace.image.texture import texture_alpha
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.obj.mtl import read_mtl
 from obscurance.scenes.formats.obj.read import MAX_OBJECTS
@@ -139,9 +139,9 @@ def test_an_opacity_map_is_the_alpha_of_the_base_colour_texture(tmp_path, given)
     maps[given].save(tmp_path / "leaf.png")
     own = "leaf.png" if given == "both" else "paint.png"  # of 2 × 2, enlarged
     (tmp_path / "paint.mtl").write_text(f"newmtl red\nmap_d leaf.png\nmap_Kd {own}\n")
-    (paint,) = load(tmp_path / "m.obj", "x.glb").attributes.materials
-    grey = paint.opacity_texture != paint.texture
-    np.testing.assert_allclose(texture_alpha(Texture(paint.opacity_texture), grey), alpha / 255, atol=1e-6)
+    (paint,) = load(tmp_path / "m.obj", "x.glb").materials
+    surface = paint.surface(has_uv=True)
+    np.testing.assert_allclose(texture_alpha(surface.texture, surface.grey), alpha / 255, atol=1e-6)
     assert "texture" not in bake(tmp_path, "m.obj", "out.glb")
     header, binary = check_glb((tmp_path / "out.glb").read_bytes())
     assert header["materials"][1]["alphaMode"] == "BLEND"

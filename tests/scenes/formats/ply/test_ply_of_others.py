@@ -83,8 +83,8 @@ def test_strips_of_triangles_are_faces(tmp_path, text, lists, faces):
     assert obscurance(*bake).returncode == 0
     assert load(tmp_path / "w.ply").mesh.faces.tolist() == faces
     assert obscurance(*bake, "--at", "faces").returncode == 0
-    kept = load(tmp_path / "w.ply", "k.ply").attributes
-    (face,) = (element for element in kept.elements if element.name == "face")
+    kept = load(tmp_path / "w.ply", "k.ply")
+    (face,) = (element for element in kept.raw.elements if element.name == "face")
     assert "obscurance" in [column.name for column in face.properties]
 
 
@@ -112,20 +112,20 @@ def test_meshlab_gets_triangles_where_it_opens_no_polygons(tmp_path, make, at):
     assert done.returncode == 0
     assert "polygons, which become triangles" in done.stderr
     after = load(tmp_path / "w.ply", "k.ply")
-    assert after.attributes.sizes.tolist() == [3] * 5
+    assert after.sizes.tolist() == [3] * 5
     np.testing.assert_array_equal(after.mesh.faces, before.mesh.faces)
     np.testing.assert_allclose(after.uv, before.uv, rtol=1e-7)
-    (face,) = (element for element in after.attributes.elements if element.name == "face")
+    (face,) = (element for element in after.raw.elements if element.name == "face")
     columns = {column.name: column.values.tolist() for column in face.properties}
     assert columns.get("tag", [7, 7, 8, 8, 9]) == [7, 7, 8, 8, 9]
     assert ("quality" in columns) == (at == "faces")
     plain = obscurance(*line)
     assert "polygons" not in plain.stderr
-    assert load(tmp_path / "w.ply", "k.ply").attributes.sizes.tolist() == [4, 4, 3]
+    assert load(tmp_path / "w.ply", "k.ply").sizes.tolist() == [4, 4, 3]
 
 
 def test_meshlab_gets_polygons_where_it_opens_them(tmp_path):
     (tmp_path / "q.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 1\nf 1/1 2/2 3/1 4/2\n")
     done = obscurance("bake", tmp_path / "q.obj", "-o", tmp_path / "w.ply", "--samples", 1, "--preset", "meshlab")
     assert done.stderr == ""
-    assert load(tmp_path / "w.ply", "k.ply").attributes.sizes.tolist() == [4]
+    assert load(tmp_path / "w.ply", "k.ply").sizes.tolist() == [4]

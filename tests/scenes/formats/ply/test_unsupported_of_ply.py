@@ -22,7 +22,7 @@ def test_a_ply_keeps_everything(tmp_path):
             assert (again.kind, again.counted) == (column.kind, column.counted)
             np.testing.assert_array_equal(again.values, column.values)
             np.testing.assert_array_equal(again.sizes, column.sizes)
-    assert detail.comments == ("comment TextureFile paint.png", "obj_info made by hand", "comment Grüße")
+    assert detail.raw.comments == ("comment TextureFile paint.png", "obj_info made by hand", "comment Grüße")
     assert "comment Grüße\n".encode("latin-1") in (tmp_path / "out.ply").read_bytes()
     assert detail.sizes.tolist() == [5, 3, 4]
     assert np.array_equal(load(tmp_path / "out.ply").mesh.faces, load(tmp_path / "rich.ply").mesh.faces)

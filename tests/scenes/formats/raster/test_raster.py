@@ -14,6 +14,7 @@ from pages import columns_of, facts_of
 import obscurance as package
 from obscurance import scenes
 from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.formats.raster import stored_columns
 from obscurance.scenes.geometry.instances import with_sides
 
 rasterio = pytest.importorskip("rasterio")
@@ -370,6 +371,7 @@ def test_a_result_is_looked_at_on_its_terrain(hilly):
     assert done.returncode == 0, done.stderr
     with rasterio.open("sky.tif") as file:
         w, error = (file.read(band)[hilly != NOWHERE] for band in (1, 2))
+    assert {*stored_columns(Path("sky.tif"), ("error", "flags"))} == {"error"}  # each band is read once
     page = Path("page.html").read_bytes()
     np.testing.assert_allclose(columns_of(page)["w0"] / 65535, w, atol=1e-5)
     assert facts_of(page)["bakes"][0]["errorTop"] == pytest.approx(error.max())

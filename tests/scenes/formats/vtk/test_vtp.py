@@ -24,7 +24,7 @@ def test_every_form_gives_the_same_mesh(tmp_path, form, compressor, order, word)
     assert file.mesh.faces.tolist() == FACES
     np.testing.assert_allclose(file.w, np.linspace(0, 1, 7), atol=1e-7)
     np.testing.assert_array_equal(file.uv, UV[FACES])
-    assert (file.attributes.sizes.tolist(), file.unread) == ([4, 3, 3, 3, 3], ("heat of points",))
+    assert (file.sizes.tolist(), file.unread) == ([4, 3, 3, 3, 3], ("heat of points",))
 
 
 def test_pieces_are_objects_and_pipes_are_known(tmp_path, standard_input):
@@ -40,7 +40,7 @@ def test_what_is_written_is_read_again(tmp_path):
     before, after = load(tmp_path / "m.vtp", "x.vtp"), load(tmp_path / "w.vtp", "x.vtp")
     for name in ("vertices", "faces", "normals"):
         np.testing.assert_array_equal(getattr(after.mesh, name), getattr(before.mesh, name))
-    assert after.attributes.sizes.tolist() == [4, 3, 3, 3, 3]
+    assert after.sizes.tolist() == [4, 3, 3, 3, 3]
     assert obscurance("bake", tmp_path / "m.vtp", "-o", tmp_path / "w.npy", "--samples", 16).returncode == 0
     np.testing.assert_allclose(after.w, np.load(tmp_path / "w.npy"), atol=1e-7)
     assert obscurance("view", tmp_path / "w.vtp", "-o", tmp_path / "w.html").returncode == 0
