@@ -27,6 +27,6 @@ def facts(baked):
 
 @pytest.mark.parametrize("entry", ENTRIES)
 def test_threads_change_nothing_and_seeds_do(entry):
-    one, *others = (facts(ENTRIES[entry](threads=count)) for count in (1, 2, 3))
-    assert all(other == one for other in others)
+    one, other = (facts(ENTRIES[entry](threads=count)) for count in (1, 3))
+    assert other == one
     assert facts(ENTRIES[entry](seed=1)) != one
