@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from command import obscurance, refused, succeeded
 from gltf_files import QUAD, TRIANGLE, Builder
+from kept_contents import bake, columns
 from mesh_files import ply
 from PIL import Image
 
@@ -101,3 +102,16 @@ def test_a_gltf_is_turned_over_into_an_image(tmp_path):
         succeeded(*image, *options)
         assert abs(np.asarray(Image.open(tmp_path / "w.png")).astype(int) - right).max() < 300
     refused(obscurance(*image, "--flip", "--mesh-output", tmp_path / "o.glb"), "bake --flip: expected another")
+
+
+def test_places_on_textures_of_a_ply_stay_with_their_corners(tmp_path):
+    lists = "property list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    body = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2 6 0 0.5 1 1.5 2 2.5\n"
+    (tmp_path / "m.ply").write_text(f"{head}element face 1\n{lists}end_header\n{body}")
+    bake(tmp_path, "m.ply", "w.ply", "--flip")
+    face = columns(tmp_path / "w.ply")[0]["face"]
+    corners, places = face["vertex_indices"].values, face["texcoord"].values.reshape(3, 2)
+    assert sorted(corners) == [0, 1, 2]
+    assert list(corners) != [0, 1, 2]
+    np.testing.assert_array_equal(places, np.stack([corners, corners + 0.5], axis=-1))

@@ -23,7 +23,7 @@ from obscurance.scenes.show.report.pictures import pictures_of_page, pictures_of
 
 FLOOR_AND_WALL = """v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv -1 1 1\nv 1 1 1
 vt .05 .05\nvt .95 .05\nvt .95 .45\nvt .05 .45\nvt 1.05 .55\nvt 1.95 .55\nvt 1.95 .95\nvt 1.05 .95
-f 1/1 2/2 3/3 4/4\nf 4/5 3/6 6/7 5/8\n"""
+vn 0 -1 1\nf 1/1/1 2/2/1 3/3/1 4/4/1\nf 4/5/1 3/6/1 6/7/1 5/8/1\n"""
 LINES = {
     "vertex": "bake hills.obj -o w.npz --samples 16 --no-denoise --seed 7",
     "tolerance": "bake hills.obj -o w.npy --tolerance 0.0001 --samples 32 --max-distance 40%",
