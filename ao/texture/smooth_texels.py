@@ -17,10 +17,11 @@ from obscurance.raytrace.types import Bools, Int32s, Int64Rows, Int64s
 from ..points.near_faces import LISTED, has_near_faces
 from ..points.smooth_surface import SmoothSurface, VertexAxes, point_on
 from .covered_texels import Coverage, PagePoints, locate
-from .places import SLOTS
+from .places import SLOTS, point_in_texel
 from .raster import EDGE
 
 _SLOPE = 2.0  # times what normals may differ by: what rises by more of its distance, rises
+_WITHIN = 0.4  # of a texel's side, at which its own points would lie about the centre
 _ROWS = 8  # of the page, a multiple of blocks' sizes
 
 
@@ -119,7 +120,11 @@ def _is_smooth(tree, stack, faces, points, bounds, block, scratch):
             return False
         triangle = locate(points, row, point, triangle, edges, weights)
         q, other_side, other_axis, _ = point_on(surface, axes, points.face[triangle], weights)
-        reach = max(reach, length(subtract(q, p)))
+        away = length(subtract(q, p))
+        if size == 1:
+            x, y = point_in_texel(points.places, row, points.texels[row], point)
+            away *= _WITHIN / np.sqrt((x - 0.5) ** 2 + (y - 0.5) ** 2)
+        reach = max(reach, away)
         bent = max(bent, length(subtract(other_side, side)), length(subtract(other_axis, axis)))
         if bent >= most * tangent:
             return False

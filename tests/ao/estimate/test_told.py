@@ -98,7 +98,7 @@ def test_texels_that_look_alike_do_not_all_miss_the_same(options):
 def on_a_floor_of_faces(seed, side):
     """Leaves on a floor of faces, and the share of each face that none covers."""
     lying, covered = families.some_leaves(seed, 1e-5, 30)
-    vertices, faces = families.grid(side)
+    vertices, faces = families.grid(side - 1, 2.0)
     steps = (np.arange(24) + 0.5) / 24
     a, b = (axis.ravel() for axis in np.meshgrid(np.sqrt(steps), steps))
     places = np.einsum("kb,fbi->fki", np.stack([1 - a, a * (1 - b), a * b], -1), vertices[faces])
@@ -125,7 +125,7 @@ def soup(seed):
 
 def crumpled_in_part(seed):
     """A flat square, a tenth of it so crumpled that its vertices are folded."""
-    vertices, faces = families.grid(60)
+    vertices, faces = families.grid(59, 2.0)
     vertices += np.where(vertices[:, :1] > 0.8, np.random.default_rng(seed).normal(size=vertices.shape) / 30, 0)
     return Mesh(vertices, faces)
 
