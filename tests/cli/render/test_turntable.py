@@ -19,7 +19,7 @@ SMALL = Settings(64, 48, samples=4)
 
 
 def described(made, settings=SMALL):
-    return mesh_scene(scenes.MeshFile.of(made), settings)
+    return mesh_scene(scenes.Asset.of(made), settings)
 
 
 def test_frames_are_pictures_of_the_cameras_on_one_turn(tmp_path):
