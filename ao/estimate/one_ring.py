@@ -90,7 +90,8 @@ class Neighbours:
             yield PointBlock(np.arange(count), slice(None), slice(None), self)
             return
         for block in range(blocks):
-            start, stop = count * block // blocks, count * (block + 1) // blocks
+            start = count * block // blocks
+            stop = count * (block + 1) // blocks
             is_near = np.zeros(count, np.bool_)
             is_near[start:stop] = True
             _reach(self.starts, self.indices, np.arange(start, stop), edges, is_near)

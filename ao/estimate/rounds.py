@@ -85,7 +85,8 @@ class Round(NamedTuple):
             )
             _leave_out_harm(sites, checks, gathered, level, w, error)
         else:
-            w, error = raw.astype(np.float64), _alone(gathered, level)
+            w = raw.astype(np.float64)
+            error = _alone(gathered, level)
         return cls(column, sites, gathered, level, w, sites.errors_at_all(error, w))
 
     def calibrated(self, measuring: Probes) -> Self:

@@ -73,7 +73,9 @@ def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: f
     Where all rays around a point agree, nothing is shrunk. Args: gathered: (k, COLUMNS), of `Tracer.gather`. level:
         mean square error of w in it.
     """
-    threads, shape, at = neighbours.threads, shape_of(neighbours, points), _empty(_Fields, len(points))
+    threads = neighbours.threads
+    shape = shape_of(neighbours, points)
+    at = _empty(_Fields, len(points))
     for block in neighbours.blocks(_BLOCK, _COMPARED):
         _compare_with_neighbours(block, points.normals, gathered, shape, at)
     line = variance_line(float(np.mean(at.spread, dtype=np.float64)) if len(points) else 0.0, level)
@@ -84,7 +86,8 @@ def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: f
         _normal_equations.on(threads)(block.rows, fit, at, moments)
         moments = block.neighbours.smooth(moments, _FIT_REACH)[block.of_rows]
         _local_fits.on(threads)(block.of_all.start or 0, fit, shape, moments, at)
-    w, error = np.empty(len(points)), np.empty(len(points))
+    w = np.empty(len(points))
+    error = np.empty(len(points))
     neighbours.smooth(at.excess, _REACH, then=lambda beyond: _shrink.for_rows(gathered, beyond, at, w, error))
     return w, shrunk_to_mean(error)
 
@@ -94,9 +97,13 @@ def _compare_with_neighbours(
 ) -> None:
     """Fill in the fields of a block's points but `variance`, `excess` and `part`: predictions by means alone, and as
     `weight` the mean squared residual around."""
-    rows, neighbours = block.rows, block.neighbours
-    means, normals, shape = neighbours.means, all_normals[rows], _Shape(*(column[rows] for column in all_shapes))
-    at, around = _empty(_Fields, len(rows)), np.zeros((len(rows), SHORT), np.float32)
+    rows = block.rows
+    neighbours = block.neighbours
+    means = neighbours.means
+    normals = all_normals[rows]
+    shape = _Shape(*(column[rows] for column in all_shapes))
+    at = _empty(_Fields, len(rows))
+    around = np.zeros((len(rows), SHORT), np.float32)
     _begin.on(neighbours.threads)(all_gathered[rows], normals, at, around)
     near = means(around, _OTHERS, then=lambda mean: _compare.for_rows(shape, around, mean, at))
     wide = means(near, 1.0, around, lambda wide: _compare_wide.for_rows(shape, near, wide, at))
@@ -254,10 +261,13 @@ def _sum_moments(part: int, at: _Fields, parts: Float64Grid) -> None:
 def _normal_equations(k: int, rows: Int64s, fit: tuple[Float64s, Float64s], at: _Fields, out: Float32Rows) -> None:
     """The moments of least squares around a point, of what the coefficients of the `fit` leave, in columns scaled by
     its sizes."""
-    (coefficients, size), i = fit, rows[k]
+    coefficients, size = fit
+    i = rows[k]
     u = load(at.unlike, i)
     target = at.residual[i] - _everywhere(u, coefficients)
-    a, b, c = u[0] / size[0], u[1] / size[1], u[2] / size[2]
+    a = u[0] / size[0]
+    b = u[1] / size[1]
+    c = u[2] / size[2]
     values = a * a, a * b, a * c, b * b, b * c, c * c, a * target, b * target, c * target
     for column in range(SHORT):
         out[k, column] = at.weight[i] * values[column]
@@ -269,7 +279,9 @@ def _local_fits(
 ) -> None:
     """Correct predictions by the fit to all points and by one around each, shrunk to 0 as if typical surroundings came
     to 0; of points from the `first` on."""
-    (coefficients, size), i, m = fit, first + k, moments[k]
+    coefficients, size = fit
+    i = first + k
+    m = moments[k]
     x = (1.0 + m[0], m[1], m[2])
     y = (m[1], 1.0 + m[3], m[4])
     z = (m[2], m[4], 1.0 + m[5])

@@ -67,7 +67,8 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
     axes = normalize(np.nan_to_num(axes))
     # The sheet of each point, the disc's radius, and what is above.
     count = min(_NEAR + 1, len(points))
-    distances, nearest = np.empty((len(points), count)), np.empty((len(points), count), np.int32)
+    distances = np.empty((len(points), count))
+    nearest = np.empty((len(points), count), np.int32)
     order = morton_order((points - points[0]).astype(np.float32))  # so that what is sought next lies near
     distances[order], nearest[order] = cKDTree(points).query(points[order], count, workers=thread_count(threads))
     near = np.ascontiguousarray(nearest[:, 1:])
@@ -120,7 +121,8 @@ def _tell_sheets(i: int, cloud: _Cloud, near: Int32Rows, distances: Float64Rows)
 def _lift(i: int, cloud: _Cloud, lifts: Float64s, doubts: Float64s) -> None:
     """Write `Discs.lifts` and `doubts`: rays start above the discs of the own sheet, which overlap, and half the way to
     the first disc of another one above."""
-    p, radius = load(cloud.points, i), cloud.radius[i]
+    p = load(cloud.points, i)
+    radius = cloud.radius[i]
     first, rough, highest = np.inf, 0.0, 0.0
     is_beside_hole = is_covered = False
     for j in range(cloud.near.shape[1]):
@@ -155,6 +157,7 @@ def _lift(i: int, cloud: _Cloud, lifts: Float64s, doubts: Float64s) -> None:
 def _beside(cloud, i, j):
     """The cosine between the normals of point i and of the j-th near it, and how far this lies along both."""
     near = cloud.near[i, j]
-    axis, there = load(cloud.axes, i), load(cloud.axes, near)
+    axis = load(cloud.axes, i)
+    there = load(cloud.axes, near)
     between = subtract(load(cloud.points, near), load(cloud.points, i))
     return dot(there, axis), dot(between, axis), dot(between, there)

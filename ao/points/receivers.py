@@ -217,7 +217,8 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
         surface_normals = np.zeros((len(usable), 3), np.float32)
     elif normals == "file" and own_axes is not None:
         surface_normals = offset.welded.axes[usable].astype(np.float32)
-    displaced, flags = offset.displaced[usable], offset.flags[curve.place]
+    displaced = offset.displaced[usable]
+    flags = offset.flags[curve.place]
     corners = _corner_samples(mesh, offset, index, len(usable), own_axes is not None)
     # What points were found by is let go before they are copied.
     places, of_all = (offset.surface.vertices, offset.welded.first_vertex), (offset.origins, offset.axes)

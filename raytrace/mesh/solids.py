@@ -130,7 +130,8 @@ def _sum_edges(corners: Int64Rows, part: Int64s, sums: UInt64s) -> None:
     way as the other. Args: corners: (m, 3), of faces. part: (n,), of each vertex. sums: zeros."""
     for f in range(len(corners)):
         for k in range(3):
-            a, b = corners[f, k], corners[f, (k + 1) % 3]
+            a = corners[f, k]
+            b = corners[f, (k + 1) % 3]
             hashed = _hashed(np.uint64(min(a, b)) << np.uint64(32) | np.uint64(max(a, b)))
             if a < b:
                 sums[part[a]] += hashed

@@ -209,7 +209,8 @@ def outermost_normals(
     is_sharp = clearance <= SHARP
     sharp = np.flatnonzero(is_sharp)
     if len(sharp):
-        moved, directions = normals.copy(), normals.copy()
+        moved = normals.copy()
+        directions = normals.copy()
         corners = np.flatnonzero(is_sharp[face_points])
         order, starts = counting_sort(np.searchsorted(sharp, face_points.ravel()[corners]), len(sharp))
         faces = face_normals[corners[order] // face_points.shape[1]]

@@ -213,10 +213,12 @@ class WeldedPoints(NamedTuple):
         """`raytrace.ray_origins.origins.ray_origins`. Args: tree: over the faces of `surface`, `self.surface`."""
         corners, count = self.face_points, len(self.first_vertex)
         magnitude = surface.magnitudes(corners, count)
-        origins, ambiguous = np.empty((count, 3)), np.empty(count, np.bool_)
+        origins = np.empty((count, 3))
+        ambiguous = np.empty(count, np.bool_)
         for start in range(0, count, _BLOCK):
             some = slice(start, start + _BLOCK)
-            points, numbers = surface.vertices[self.first_vertex[some]], np.arange(*some.indices(count))
+            points = surface.vertices[self.first_vertex[some]]
+            numbers = np.arange(*some.indices(count))
             of_points = self.directions[some], self.clearance[some]
             found = ray_origins(tree, surface, points, *of_points, corners, numbers, magnitude[some])
             origins[some], ambiguous[some] = found
@@ -271,7 +273,8 @@ def weld_points(
     moved = nonzero(axes != mean)
     if normals is not None:
         # A given normal in front of all faces is the direction itself; of the two sides of a sheet, it chooses one.
-        own_normals, directions = normals[first_vertices], directions.copy()
+        own_normals = normals[first_vertices]
+        directions = directions.copy()
         clear = least_cosines(own_normals, face_points, face_normal)
         is_in_front = (clear > SHARP) & nonzero(own_normals)
         directions[is_in_front] = own_normals[is_in_front]

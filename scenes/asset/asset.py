@@ -103,7 +103,7 @@ class Asset:
         primitives: polygons, each once. nodes: the objects that place them. materials: of polygons.
         names: of objects within primitives.
         up: the axis that is up, if the file or its format defines it.
-        told: warnings, more once what is read late was looked at.
+        warnings: in words, more once what is read late was looked at.
         unread: what the file holds and nobody reads, in words.
         pictures: files beside it that were read, or will be when it is written.
         raw: the file as stored, of formats whose writers give it back.
@@ -118,7 +118,7 @@ class Asset:
     materials: Sequence[Material] = ()
     names: tuple[str, ...] = ()
     up: str | None = None
-    told: dict[str, None] = field(default_factory=dict)
+    warnings: dict[str, None] = field(default_factory=dict)
     unread: tuple[str, ...] = ()
     pictures: tuple[Path, ...] = ()
     raw: Stored | None = None
@@ -140,7 +140,7 @@ class Asset:
     def single(cls, path: Path, name: str, primitive: Primitive, notes: Sequence[str] = (), **more: Any) -> Self:
         """The content of a file of one object, with the notes on its polygons after `notes`."""
         lines = dict.fromkeys((*notes, *primitive.triangles.notes))
-        return cls(path, (primitive,), (Node(name, (0,)),), told=lines, **more)
+        return cls(path, (primitive,), (Node(name, (0,)),), warnings=lines, **more)
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -162,7 +162,8 @@ class Asset:
     @cached_property
     def mesh(self) -> Mesh:
         """All parts in world space. Raises: MeshError: as `Mesh`."""
-        source, only = str(self.path), self.parts[0]
+        source = str(self.path)
+        only = self.parts[0]
         facts: dict[str, Any] = {"source": source, "up": self.up, "polygons": self.triangles.polygons}
         vertices, faces = only.primitive.positions, only.primitive.faces
         if len(self.parts) > 1 or only.node.matrix is not None:
@@ -364,12 +365,12 @@ class Asset:
 
     def looked_up(self, primitive: Primitive, lookup: Lookup | None) -> tuple[Column, Texture] | None:
         """Where a lookup reads, v upwards, and its texture; None without either. A picture of colours that cannot be
-        had goes to `told`."""
+        had goes to `warnings`."""
         places = self.places(primitive, lookup)
         if lookup is None or places is None:
             return None
         if lookup.fault:
-            self._leave_out(lookup)
+            self.warnings[lookup.words] = None
             return None
         return None if lookup.texture is None else (places, lookup.texture)
 
@@ -381,9 +382,6 @@ class Asset:
         names = () if lookup is None else (f"uv{lookup.uv}", f"{RAMP}{lookup.uv}")
         column = next((primitive.columns[name] for name in names if name in primitive.columns), None)
         return column and lookup and column._replace(values=lookup.at(column.values))
-
-    def _leave_out(self, lookup: Lookup) -> None:
-        self.told[lookup.words] = None
 
     def _opacity(self) -> Opacity | None:
         """Alpha of all faces; None where all are opaque."""
@@ -402,7 +400,9 @@ class Asset:
             return None
         material_of = primitive.of_faces(primitive.material)
         count = len(material_of)
-        of, uv, corners = np.full(count, -1), np.zeros((count, 3, 2)), np.ones((count, 3))
+        of = np.full(count, -1)
+        uv = np.zeros((count, 3, 2))
+        corners = np.ones((count, 3))
         surfaces: list[AlphaSurface] = []
         colours = primitive.columns.get(COLOR)
         for number in seen_through.intersection(np.unique(material_of).tolist()):
@@ -412,7 +412,7 @@ class Asset:
             places = None if material.alpha == "opaque" else self.places(primitive, lookup)
             has_uv: Bools = np.zeros(len(faces), np.bool_)
             if lookup and places and lookup.texture is None:
-                self._leave_out(lookup)
+                self.warnings[lookup.words] = None
             elif places:
                 at_corners = places.values[primitive.rows(places)[faces]]
                 has_uv = np.asarray(~np.isnan(at_corners).any(axis=(1, 2)))
@@ -425,8 +425,8 @@ class Asset:
                     surfaces.append(surface)
         if not surfaces:
             return None
-        has_textures, of_vertices = any(surface.texture for surface in surfaces), (corners != 1).any()
-        return Opacity(of, tuple(surfaces), uv if has_textures else None, corners if of_vertices else None)
+        has_textures = any(surface.texture for surface in surfaces)
+        return Opacity(of, tuple(surfaces), uv if has_textures else None, corners if (corners != 1).any() else None)
 
     def with_mesh(self, mesh: Mesh) -> Self:
         """The asset with another mesh of the same faces in place of its own."""
@@ -497,4 +497,4 @@ class Asset:
     @property
     def notes(self) -> tuple[str, ...]:
         """Warnings about the file's content, lines that name it."""
-        return tuple(printable(f"{self.path}: {words}") for words in self.told)
+        return tuple(printable(f"{self.path}: {words}") for words in self.warnings)

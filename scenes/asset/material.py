@@ -40,7 +40,8 @@ class Lookup(NamedTuple):
         if self.moved is None:
             return uv
         scale, rotation, offset = self.moved
-        c, s = cos(rotation), sin(rotation)
+        c = cos(rotation)
+        s = sin(rotation)
         down = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1) * scale @ np.array([[c, -s], [s, c]]) + offset
         return np.stack([down[:, 0], 1 - down[:, 1]], axis=1)
 

@@ -61,7 +61,9 @@ class SceneDescription:
         if frames < 1:
             raise OptionError("turntable", "a number of pictures, at least 1", frames)
         mesh, camera = self.scene.flattened(), self.camera
-        position, target, forward = np.array(camera.position), np.array(camera.target), camera.axes()[2]
+        position = np.array(camera.position)
+        target = np.array(camera.target)
+        forward = camera.axes()[2]
         pivot = position + max(float((mesh.centre - position) @ forward), 0.0) * forward
         views = []
         for number in range(frames):

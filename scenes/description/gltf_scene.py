@@ -219,7 +219,7 @@ def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Asset, dict[Shape, Ori
             objects.append(Object(shapes[part.number], matrix, part.name))
     if not objects:
         raise MeshError(path, "nodes", "at least one triangle to see", "none")
-    asset.told.update(materials.notes())
+    asset.warnings.update(materials.notes())
     return tuple(objects), asset, origins
 
 

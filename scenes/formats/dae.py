@@ -67,7 +67,7 @@ def read_dae(mesh_input: MeshInput) -> Asset:
     pictures = tuple(path for material in materials for path in material.pictures)
     return Asset(
         mesh_input.path, tuple(primitives), tuple(nodes), tuple(materials),
-        up=up, told=dict.fromkeys(notes), unread=tuple(unread), pictures=pictures,
+        up=up, warnings=dict.fromkeys(notes), unread=tuple(unread), pictures=pictures,
     )  # fmt: skip
 
 
@@ -122,7 +122,8 @@ def _column(pieces: list[Any], semantic: str, width: int) -> Column | None:
     of: list[Int64s] = []
     for piece in pieces:
         found = piece.sources.get(semantic)
-        own, rows = np.full((1, width), np.nan), np.zeros(np.size(piece.vertex_index), np.int64)
+        own = np.full((1, width), np.nan)
+        rows = np.zeros(np.size(piece.vertex_index), np.int64)
         if found:
             own = np.asarray(found[0][4].data, np.float64)[:, :width]
             rows = np.reshape(piece.index, (-1, piece.index.shape[-1]))[:, found[0][0]].astype(np.int64)

@@ -88,7 +88,7 @@ def load(
                 raise MeshError(path, "texture coordinates", f"numbers to {FLOAT:g}, for float32", "larger ones")
     if useless := useless_normals(mesh):
         of = f"{useless:,} of {mesh.faces.size:,} normals at corners are missing, zero, not finite or behind their face"
-        asset.told[f"{of}; those of the faces take their place"] = None
+        asset.warnings[f"{of}; those of the faces take their place"] = None
     if flip:
         if aim.ending == ".glb" and is_scene:
             raise OptionError("flip", "another mesh file than a glTF for a .glb, which keeps its faces", path)

@@ -207,7 +207,8 @@ def _primitive(item: _Object, colours: Mapping[Paint, Material], materials: dict
         paint: materials.setdefault(colours[paint], len(materials)) for paint in used if paint
     }
     material_of = np.array([number.get(paint, -1) for paint in item.paints], np.int64) if used else None
-    positions, corners = np.array(item.vertices).reshape(-1, 3), np.array(item.faces)
+    positions = np.array(item.vertices).reshape(-1, 3)
+    corners = np.array(item.faces)
     return Primitive.of(positions, corners, material=material_of)
 
 

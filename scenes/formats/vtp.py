@@ -169,7 +169,7 @@ def read_vtp(mesh_input: MeshInput) -> Asset:
     names = [f"{mesh_input.name}[{number}]" for number in range(len(found))] if len(found) > 1 else [mesh_input.name]
     nodes = tuple(Node(name, (number,)) for number, name in enumerate(names))
     notes = dict.fromkeys(note for primitive in primitives for note in primitive.triangles.notes)
-    return Asset(mesh_input.path, primitives, nodes, told=notes, unread=tuple(unread))
+    return Asset(mesh_input.path, primitives, nodes, warnings=notes, unread=tuple(unread))
 
 
 def _primitive(document: _Document, piece: ElementTree.Element, unread: dict[str, None]) -> Primitive:

@@ -69,7 +69,7 @@ def read_gltf(mesh_input: MeshInput) -> Asset:
         tuple(nodes),
         Lazy(partial(_materials, raw, notes)),
         up="y",
-        told=notes,
+        warnings=notes,
         unread=_unread(raw),
         raw=raw,
         has_alpha=mesh_input.alpha and _has_alpha(raw),

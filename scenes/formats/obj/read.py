@@ -15,7 +15,7 @@ from .text import Obj, ObjText
 
 MAX_OBJECTS = 4096  # each takes a kilobyte or two of a .glb
 _OTHER = "l", "p", "curv", "curv2", "surf"
-_TOLD = {  # of what is left out of materials, what matters to alpha
+_EXPLAINED = {  # of what is left out of materials, what matters to alpha
     OPAQUE: "",
     LIBRARY: " is not there: what it paints is opaque",
     OPTION: " is not read",
@@ -49,9 +49,9 @@ def read_obj(mesh_input: MeshInput) -> Asset:
     )
     notes |= dict.fromkeys(primitive.triangles.notes)
     if mesh_input.alpha:
-        told = [words + end for words in missing for begin, end in _TOLD.items() if words.startswith(begin)]
-        notes |= dict.fromkeys(told)
-        missing = [words for words in missing if not any(note.startswith(words) for note in told)]
+        explained = [words + end for words in missing for begin, end in _EXPLAINED.items() if words.startswith(begin)]
+        notes |= dict.fromkeys(explained)
+        missing = [words for words in missing if not any(note.startswith(words) for note in explained)]
     if not used.names:
         files, missing = [], []
     # What is left out, in words.
@@ -68,7 +68,7 @@ def read_obj(mesh_input: MeshInput) -> Asset:
         (Node(mesh_input.name, (0,)),),
         materials=tuple(of_name.get(name, Material(name)) for name in used.names),
         names=objects.names if keeps_objects else (),
-        told=notes,
+        warnings=notes,
         unread=tuple(dict.fromkeys([*(words for is_left_out, words in left_out if is_left_out), *missing])),
         pictures=tuple(files),
         raw=Obj(file.runs),

@@ -130,7 +130,8 @@ def _collect_colours(file: Asset, collected: _Collected) -> None:
     """
     left_out: dict[str, None] = {}
     for run in file.runs():
-        part, material = file.parts[run.part], file.material(run.material.key)
+        part = file.parts[run.part]
+        material = file.material(run.material.key)
         rows = run.faces - part.faces.start
         colours = part.primitive.shown_colours
         collected.light[run.faces] = material.colour
