@@ -47,7 +47,6 @@ _FEW_RAYS = 1 << 19  # that are traced here: to send them takes as long
 _ATTEMPTS = 3  # of a block, after which it is the block's fault
 _AHEAD = 2  # blocks for each thread of the workers: one at work, one on its way
 _LOOK = 1.0  # seconds between looks at who is there
-_IDLE = 5  # looks in a row at which blocks are with the scheduler, and with no worker, before they are sent again
 _CONNECT, _PATIENCE = 10.0, 10.0  # seconds to reach a scheduler; without a worker until a line says so
 _ENDED = "workers have ended with it, for want of memory?"
 _START, _END = 120.0, 5.0  # seconds that workers on this machine have to start, and to end
@@ -269,7 +268,7 @@ class Workers:
             InputError: the function raises it. ClusterError: the scheduler is lost, no worker on this machine starts,
             or an item ends worker after worker.
         """
-        waiting, left, idle = deque(range(items)), items, 0
+        waiting, left = deque(range(items)), items
         failures: Counter[int] = Counter()  # of a block
         running: dict[Future, int] = {}
         done: SimpleQueue[tuple[Future, Answer]] = SimpleQueue()
@@ -306,14 +305,7 @@ class Workers:
                 try:
                     future, (kind, *said) = done.get(timeout=_LOOK)
                 except Empty:
-                    idle = idle + 1 if running and self._is_idle() else 0
-                    if idle == _IDLE:  # a worker was lost and another came between two looks
-                        self._client.cancel(list(running))
-                        waiting.extendleft(running.values())
-                        running.clear()
-                        idle = 0
                     continue
-                idle = 0
                 if future not in running:  # cancelled
                     continue
                 number = running.pop(future)
@@ -369,13 +361,6 @@ class Workers:
     def summary(self) -> str:
         """What the workers did, in a line."""
         return f"{self._address}: {_plural(self.blocks, 'block')} made by workers"
-
-    def _is_idle(self) -> bool:
-        """Whether the scheduler has given nothing to any worker."""
-        try:
-            return not any(self._client.processing().values())
-        except Exception:  # `_window` says what is wrong
-            return False
 
     def _window(self) -> int:
         """How many blocks are to be with the scheduler: some for each thread of workers like this machine.
