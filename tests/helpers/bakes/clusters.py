@@ -145,8 +145,8 @@ def bake_on(address, make, output, notify=pytest.fail, progress=None, **settings
 
 @contextmanager
 def on_one(cluster, function, reported, monkeypatch):
-    """Run a function on one of two workers, none of which has been asked yet what it is like; it is as before in the
-    end.
+    """Run a function on one of two workers, none of which has been asked yet what it is like; both are as before in
+    the end.
 
     Gives its address, the messages of a bake, and what to notify: the other worker traces after the first message.
     """
@@ -172,6 +172,9 @@ def on_one(cluster, function, reported, monkeypatch):
         module = sys.modules.pop("test.hidden", None) or sys.modules["obscurance.ao.cluster.workers"]
         sys.modules["obscurance.ao.cluster.workers"] = module
         vars(module).update(module.kept)
+        from obscurance.ao.execute.work import bit_environment
+
+        bit_environment().pop("test", None)  # or the worker is unlike all later bakes
 
     with Client(cluster, set_as_default=False) as client:
         client.wait_for_workers(2)
@@ -180,7 +183,7 @@ def on_one(cluster, function, reported, monkeypatch):
         client.run(function, workers=[odd])
         client.run(holding(0, reported), workers=[other])
         yield odd, messages, notify
-        client.run(restore, workers=[odd])
+        client.run(restore)
 
 
 def compiled_by(cluster):
