@@ -114,7 +114,7 @@ def page_of_bake(bake: Bake | Values, mesh_file: Asset, channels: Channels) -> b
     title = "standard input" if mesh_file.path.stem == PIPED else name
     values = Values(
         bake.w, bake.error, bake.flags, bake.bent_normals, title, profile=bake.profile, permanent=channels.again,
-        warning=channels.warning,
+        warning=channels.warning, rmse=bake.rmse,
     )  # fmt: skip
     return html_of_bakes(mesh_file.baked_mesh(len(bake.w)), [values], title, channels.up, base_colour(mesh_file))
 
@@ -124,6 +124,6 @@ def framed_page(bake: Bake) -> str | None:
     if len(bake.mesh.vertices) > _MOST:
         return None
     name = Path(bake.mesh.source).name
-    values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, name, profile=bake.profile)
+    values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, name, profile=bake.profile, rmse=bake.rmse)
     content = html.escape(html_of_bakes(bake.mesh, [values], name).decode())
     return f'<iframe srcdoc="{content}" width="100%" height="480" style="border: 0"></iframe>'

@@ -59,6 +59,7 @@ class Values:
     below: None = None
     permanent: str = 'baked.profile.at("{}")'  # the command that bakes a half-distance, which "{}" stands for
     warning: str = ""  # about the result, said first
+    rmse: float | None = None  # of `error`; None: over all vertices
 
     def checked(self, count: int) -> Values:
         """The values as float64 and uint8 arrays of `count` vertices. Raises: OptionError: one of another length."""
@@ -137,7 +138,9 @@ def _bake_columns(bake: Values, number: int, columns: dict[str, npt.NDArray[Any]
         columns[f"flags{number}"] = bake.flags.astype("u1")
     if bake.bent_normals is not None:
         columns[f"bent{number}"] = _octahedral(bake.bent_normals, 255).astype("u1")
-    rmse = 0.0 if bake.error is None else float(np.sqrt(np.mean(bake.error**2)))
+    rmse = bake.rmse
+    if rmse is None:
+        rmse = 0.0 if bake.error is None else float(np.sqrt(np.mean(bake.error**2)))
     described: dict[str, Any] = {"name": bake.name, "warning": bake.warning, "rmse": rmse}
     described |= {"errorTop": largest, "errorShown": _scale_end(bake.error)}
     if bake.textures:

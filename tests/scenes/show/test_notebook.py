@@ -6,6 +6,7 @@ import tomllib
 from importlib import import_module
 from types import SimpleNamespace
 
+import numpy as np
 from meshes import hills, two_boxes
 from pages import columns_of, facts_of
 from project import ROOT
@@ -24,6 +25,13 @@ def test_the_page_is_whole_within_its_frame():
     named = ao.bake(Mesh(*two_boxes(), source="folder/boxes.stl", up="z"), samples=8)
     page = html.unescape(document.framed_page(named)).encode()
     assert (facts_of(page)["up"], facts_of(page)["title"]) == ("z", "boxes.stl")
+
+
+def test_the_rmse_is_that_of_the_bake():
+    """By the surface method it is not that over all vertices: a box inside another is not in sight."""
+    bake = ao.bake(Mesh(*two_boxes()), samples=64, method="surface")
+    assert abs(bake.rmse - np.sqrt(np.mean(bake.error**2))) > 0.01 * bake.rmse
+    assert facts_of(html.unescape(document.framed_page(bake)).encode())["bakes"][0]["rmse"] == bake.rmse
 
 
 def test_a_large_mesh_is_left_to_the_picture():
