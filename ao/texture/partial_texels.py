@@ -12,7 +12,7 @@ from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.sampling import hash32
 from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64s, Int32Rows, Int64s
 
-from .places import POINTS, SLOTS, Places, point_in_texel, shift_by_area
+from .places import OF_AREA, POINTS, SLOTS, Places, point_in_texel, shift
 from .raster import EDGE, INSIDE, Lists, Marks, least_edge, set_up_edges, store_barycentric
 
 MOST = 64  # samples of a texel; of more triangles over one another, as many have one, evenly spaced
@@ -87,7 +87,7 @@ def sample_partial(
         texel = np.float64(partial.texels[i] % width), np.float64(partial.texels[i] // width)
         for k in range(SLOTS):
             points[k] = point_in_texel(partial.places, i, partial.texels[i], k)
-        offset = shift_by_area(partial.places, i, partial.texels[i])
+        offset = shift(partial.places, i, partial.texels[i], OF_AREA)
         texel_samples = triangle[i], barycentric[i]
         place = partial.texels[i], points, offset[0]
         if partial.how[i] == LAYERS and _cover_all(corners, candidates, texel, points, (clipped, edges)):

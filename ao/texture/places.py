@@ -20,7 +20,7 @@ _COLUMN = np.array([1, 0])  # of cells, in which points 0 and 2 lie; the others 
 _ROW = np.array([[0, 2], [3, 1], [2, 0], [1, 3]])  # the same of SLOTS parts, by which each cell has one
 _STEP = np.array([1.7548776662466927, 2.5698402909980532]) / SLOTS
 """From part to part; SLOTS of it make one of the R2 sequence (Roberts 2018), by which each cell is even, too."""
-_OF_POINTS, _OF_AREA, _OF_CELLS = 0, 2, 4  # numbers that are drawn
+_OF_POINTS, OF_AREA, _OF_CELLS = 0, 2, 4  # numbers that are drawn
 
 
 class Places(NamedTuple):
@@ -43,20 +43,16 @@ def point_in_texel(places, row, texel, k):
     if k == SLOTS:
         return 0.5, 0.5
     rows = (_random(places.key, texel, _OF_CELLS) + _part(places, row)) % SLOTS
-    x, y = _shift(places, row, texel, _OF_POINTS)
+    x, y = shift(places, row, texel, _OF_POINTS)
     x = (_COLUMN[k // 2] + x) / SLOTS
     y = (_ROW[rows, k // 2] + y) / SLOTS
     return (1.0 - x, 1.0 - y) if k % 2 else (x, y)
 
 
 @inline
-def shift_by_area(places, row, texel):
-    """Two numbers from 0 to 1 by which samples that are spread over area are shifted; see `point_in_texel`."""
-    return _shift(places, row, texel, _OF_AREA)
-
-
-@inline
-def _shift(places, row, texel, first):
+def shift(places, row, texel, first):
+    """Two numbers from 0 to 1 by which a texel's points are shifted, or with `OF_AREA` samples spread over area; see
+    `point_in_texel`."""
     part = _part(places, row)
     x = _random(places.key, texel, first) * 2.0**-32 + part * _STEP[0]
     y = _random(places.key, texel, first + 1) * 2.0**-32 + part * _STEP[1]

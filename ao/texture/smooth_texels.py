@@ -122,13 +122,19 @@ def _is_smooth(tree, stack, faces, points, bounds, block, scratch):
         q, other_side, other_axis, _ = point_on(surface, axes, points.face[triangle], weights)
         away = length(subtract(q, p))
         if size == 1:
-            x, y = point_in_texel(points.places, row, points.texels[row], point)
-            away *= _WITHIN / np.sqrt((x - 0.5) ** 2 + (y - 0.5) ** 2)
+            away *= _WITHIN / _from_centre(points, row, point)
         reach = max(reach, away)
         bent = max(bent, length(subtract(other_side, side)), length(subtract(other_axis, axis)))
         if bent >= most * tangent:
             return False
     return not has_near_faces(tree, stack, surface, (p, side, axis, tangent), reach, _SLOPE * most, listed)
+
+
+@inline
+def _from_centre(points, row, k):
+    """How far point k of a texel lies from its centre, in sides of the texel."""
+    x, y = point_in_texel(points.places, row, points.texels[row], k)
+    return np.sqrt((x - 0.5) ** 2 + (y - 0.5) ** 2)
 
 
 @inline
