@@ -19,7 +19,7 @@ from obscurance.raytrace.mesh.normals import useless_normals
 from obscurance.raytrace.system.checks import check_memory, check_regular
 
 from ..asset.asset import Asset
-from ..asset.primitive import COLOR, FLOAT, NORMAL, Primitive, W
+from ..asset.primitive import BAKED, COLOR, FLOAT, NORMAL, Primitive
 from .table import MeshInput, format_of, formats, sniffed_format
 
 _CONVERTERS = dict.fromkeys((".abc", ".blend", ".fbx", ".usd", ".usda", ".usdc", ".usdz"), "Blender") | dict.fromkeys(
@@ -75,7 +75,7 @@ def load(
         if points:
             asset = _of_points(asset)
         if not keeps and not asset.has_alpha:  # frees memory before the mesh takes some
-            bare = (one._replace(columns=one.columns.only(NORMAL, W)) for one in asset.primitives)
+            bare = (one._replace(columns=one.columns.only(NORMAL, *BAKED.values())) for one in asset.primitives)
             asset = replace(asset, raw=None, pictures=asset.files[1:], primitives=tuple(bare))
         mesh = asset.mesh
         if "source" in aim.holds:

@@ -21,7 +21,7 @@ from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Int64s
 
 from ..asset.asset import Asset, Node
-from ..asset.primitive import NORMAL, Column, ColumnSet, Primitive, W, float_normals
+from ..asset.primitive import BAKED, NORMAL, Column, ColumnSet, Primitive, W, float_normals
 from ..geometry.polygons import strip_triangles
 from .table import MeshInput
 
@@ -39,7 +39,7 @@ def vtp(bake: Bake, asset: Asset, _: object) -> bytes:
     `bent_normals` and `Normals`, the source's own."""
     mesh = asset.mesh
     columns: dict[str, tuple[npt.NDArray[Any] | None, str]] = {
-        "obscurance": (bake.w, "f4"),
+        W: (bake.w, "f4"),
         "error": (bake.error, "f4"),
         "flags": (bake.flags, "u1"),
         "bent_normals": (bake.bent_normals, "f4"),
@@ -186,12 +186,14 @@ def _primitive(document: _Document, piece: ElementTree.Element, unread: dict[str
     data = piece.find("PointData")
     arrays = {} if data is None else {array.get("Name", ""): array for array in data.iterfind("DataArray")}
     active = {} if data is None else data.attrib
-    names = {NORMAL: active.get("Normals", "Normals"), W: "obscurance", "uv0": active.get("TCoords", "")}
+    names = {NORMAL: active.get("Normals", "Normals"), W: W, "uv0": active.get("TCoords", "")}
+    names |= {column: name for name, column in BAKED.items() if W in arrays and column != W}
     found = {key: document.values(arrays[name]) for key, name in names.items() if name in arrays}
     if any(len(values) != len(points) for values in found.values()):
         raise ValueError("columns of points that are not one row a point")
-    if W in found and found[W].ndim > 1:  # other columns may have that name
-        del found[W]
+    for name in BAKED.values() & found.keys():  # other columns may have that name
+        if found[name].shape[1:] != ((3,) if name == BAKED["bent_normals"] else ()):
+            del found[name]
     if "uv0" in found:
         found["uv0"] = found["uv0"][:, :2]
     unread |= dict.fromkeys(f"{name} of points" for name in sorted(arrays.keys() - {*names.values()}))

@@ -6,48 +6,25 @@ import io
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Literal, Self, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 
 from obscurance.raytrace.errors import ConflictError, OptionError, Term
 from obscurance.raytrace.system.atomic import PathName, check_writable, write_bytes
-from obscurance.raytrace.types import Float64s
 
 from ..asset.asset import Asset
 from .load import load
 from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
-    from obscurance.ao import Bake, BakedTexture, Profile
+    from obscurance.ao import Bake, BakedTexture
 
 Occlusion = Literal["none", "ramp"]
 _PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)[A-Za-z_]\w*"
 Colors = Literal["rgb", "r", "g", "b", "a"]
-
-
-@dataclass(frozen=True, eq=False)
-class _StoredBake:
-    """What an earlier bake has left in a file, as far as writers ask for it."""
-
-    w: Float64s
-    profile: Profile | None
-    at: str = "vertices"
-    error: None = None
-    flags: None = None
-    bent_normals: None = None
-    below: None = None
-
-    @classmethod
-    def of(cls, asset: Asset) -> Self:
-        """Raises: OptionError: the file has no w."""
-        w = asset.w
-        if w is None:
-            raise OptionError("bake", f"w in {asset.path}, or a bake", "none")
-        return cls(w, asset.profile)
 
 
 def check_target(path: PathName) -> None:
@@ -121,7 +98,10 @@ def write(
         OutputError: the file cannot be written; an existing one is untouched.
     """
     if isinstance(bake, Asset):
-        mesh_file, bake = mesh_file or bake, cast("Bake", _StoredBake.of(bake))
+        baked, mesh_file = bake.baked, mesh_file or bake
+        if baked is None:
+            raise OptionError("bake", f"w in {bake.path}, or a bake", "none")
+        bake = cast("Bake", baked)
     several = bake if isinstance(bake, Sequence) else [bake]
     source = getattr(several[0], "mesh", None) if mesh_file is None else mesh_file
     if isinstance(source, str | os.PathLike):

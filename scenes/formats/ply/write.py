@@ -6,10 +6,11 @@ import numpy as np
 
 from obscurance.ao import Bake
 from obscurance.raytrace.mesh.mesh import Mesh, up_axis
-from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.normals import face_normals, normalize
+from obscurance.raytrace.types import AnyFloats, Float64s
 
 from ...asset.asset import Asset
-from ...asset.primitive import float_normals
+from ...asset.primitive import BAKED, W, float_normals
 from ..table import Channels
 from . import layout
 from .layout import COUNT, RGB, UP_COMMENT, Element, Ply, Property, grey_of, own_colors, stored_colors
@@ -22,7 +23,9 @@ _COMMENTS |= {name[0]: f"; {name} = obscurance as sRGB" for name in RGB}
 
 def ply(bake: Bake, asset: Asset, channels: Channels) -> bytes:
     """A PLY file with the float property `obscurance`, and grey `red green blue`, w as sRGB, where that replaces
-    nothing. A profile becomes obscurance_00, …, and a comment with the radius and the half-distances.
+    nothing. As far as they are known there are `obscurance_error`, `obscurance_flags`, uchar, and
+    `obscurance_bent_normals_x`, `_y`, `_z`. A profile becomes obscurance_00, …, and a comment with the radius and the
+    half-distances.
 
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
     and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).
@@ -99,14 +102,24 @@ def _cut(element: Element, asset: Asset) -> Element:
 
 
 def _of_polygons(bake: Bake, asset: Asset) -> Bake:
-    """w of the polygons that the faces of a bake were cut from: the mean by area. Its profile is left out."""
+    """A bake of the polygons that its faces were cut from: means by area, all flags. Its profile is left out."""
     polygon = asset.triangles.polygons
     if polygon is None:
         return replace(bake, profile=None)
     areas = np.maximum(face_normals(bake.mesh.vertices, bake.mesh.faces)[1], 1e-300)
-    w = np.bincount(polygon, areas * bake.w) / np.bincount(polygon, areas)
+    count = len(asset.sizes)
+    whole = np.maximum(np.bincount(polygon, areas, count), 1e-300)
+
+    def mean(values: AnyFloats) -> Float64s:
+        return np.bincount(polygon, areas * values, count) / whole
+
     below = bake.below and _of_polygons(bake.below, asset)
-    return replace(bake, w=w, below=below, profile=None)
+    bent = normalize(np.stack([mean(column) for column in bake.bent_normals.T], axis=1))
+    flags = np.zeros(count, np.uint8)
+    np.bitwise_or.at(flags, polygon, bake.flags)
+    return replace(
+        bake, w=mean(bake.w), error=mean(bake.error), bent_normals=bent, flags=flags, below=below, profile=None
+    )
 
 
 def _annotate(element: Element, bake: Bake, colour_channels: str, further: str | None) -> Element:
@@ -117,10 +130,10 @@ def _annotate(element: Element, bake: Bake, colour_channels: str, further: str |
         further: the name of a second property of w.
     """
     colours = (*RGB, "alpha")[: {0: 0, 1: 4}.get(len(colour_channels), 3)]
-    unchanged = element.others("obscurance", further, *colours)
-    added = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, ("obscurance", further))]
+    unchanged = element.others(further, *colours)
+    added = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, (W, further))]
     if bake.below:
-        added.append(Property("obscurance_below", "f", bake.below.w.astype("<f4")))
+        added.append(Property(f"{W}_below", "f", bake.below.w.astype("<f4")))
     if bake.profile:
         columns = enumerate(bake.profile.values.T)
         added += [Property(f"{layout.PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
@@ -129,6 +142,13 @@ def _annotate(element: Element, bake: Bake, colour_channels: str, further: str |
     elif colour_channels:
         grey = grey_of(bake.w)
         added += [Property(name, "B", grey) for name in RGB]
+    if bake.error is not None:
+        added.append(Property(BAKED["error"], "f", bake.error.astype("<f4")))
+    if bake.flags is not None:
+        added.append(Property(BAKED["flags"], "B", bake.flags.astype("u1")))
+    if bake.bent_normals is not None:
+        axes = zip(layout.AXES, bake.bent_normals.T, strict=True)
+        added += [Property(BAKED["bent_normals"] + axis, "f", column.astype("<f4")) for axis, column in axes]
     return replace(element, properties=(*unchanged, *added))
 
 
