@@ -15,7 +15,7 @@ from obscurance.raytrace.types import Float64s, Int64s
 from ...asset.primitive import BAKED, W
 from .accessors import COMPONENTS
 from .asset import BIN_CHUNK, JSON_CHUNK
-from .records import PROFILE
+from .records import LEFT, PROFILE
 
 if TYPE_CHECKING:
     from obscurance.ao import Bake
@@ -78,11 +78,11 @@ class GlbBuilder:
         attributes = primitive["attributes"]
         w = bake.w[vertices]
         profile = bake.profile
-        for name in [name for name in attributes if name.startswith(f"_{W.upper()}")]:
+        for name in [name for name in attributes if name.startswith(LEFT[W])]:
             del attributes[name]
-        known = {column: values for name, column in BAKED.items() if (values := getattr(bake, name)) is not None}
-        for column, values in known.items():
-            attributes[f"_{column.upper()}"] = self.accessor(values[vertices].astype("<f4"))
+        for name, column in BAKED.items():
+            if (values := getattr(bake, name)) is not None:
+                attributes[LEFT[column]] = self.accessor(values[vertices].astype("<f4"))
         if colors:
             attributes["COLOR_0"] = self._colors(w, colors, stored)
         if profile is None:

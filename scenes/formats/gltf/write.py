@@ -29,7 +29,8 @@ _ROWS = 4
 
 
 def glb(bake: Bake, asset: Asset, channels: Channels) -> bytes:
-    """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR), and those of a profile.
+    """A GLB file with vertex attributes of w, and of its error, flags and bent normals as far as they are known
+    (`records.LEFT`, float32), and those of a profile.
 
     A glTF source is kept as stored; only what holds w is added, and meshes that several nodes share are given to each
     node separately, because each instance has its own w. Every other source becomes `plain.plain`.

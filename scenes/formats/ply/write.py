@@ -23,9 +23,8 @@ _COMMENTS |= {name[0]: f"; {name} = obscurance as sRGB" for name in RGB}
 
 def ply(bake: Bake, asset: Asset, channels: Channels) -> bytes:
     """A PLY file with the float property `obscurance`, and grey `red green blue`, w as sRGB, where that replaces
-    nothing. As far as they are known there are `obscurance_error`, `obscurance_flags`, uchar, and
-    `obscurance_bent_normals_x`, `_y`, `_z`. A profile becomes obscurance_00, …, and a comment with the radius and the
-    half-distances.
+    nothing. Error, flags (uchar) and bent normals are properties too, as far as they are known, by the names of `BAKED`
+    and `AXES`. A profile becomes obscurance_00, …, and a comment with the radius and the half-distances.
 
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
     and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).

@@ -1,6 +1,5 @@
 """Output files, read back by readers that are not ours."""
 
-
 import numpy as np
 import pytest
 import trimesh
