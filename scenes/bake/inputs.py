@@ -19,8 +19,8 @@ from obscurance.raytrace.errors import ConflictError, OptionError
 from obscurance.raytrace.system.checks import make_folder
 
 from ..asset.asset import Asset
+from ..asset.objects import ObjectSelection, match, select_objects
 from ..formats.load import load
-from ..formats.objects import ObjectSelection, match, select_objects
 from ..formats.table import endings
 from ..geometry.instances import with_sides
 from ..show.progress import progress

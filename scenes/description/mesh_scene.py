@@ -34,9 +34,9 @@ from obscurance.raytrace.types import Float64s
 
 from ..asset import material as stored
 from ..asset.asset import Asset, Node
+from ..asset.objects import ObjectSelection
 from ..asset.primitive import Column
 from ..formats.load import load, parser_errors, read_asset
-from ..formats.objects import ObjectSelection
 from ..formats.table import format_of, is_raster
 from ..geometry.primitives import Origin, TexturedMesh
 from ..json_toml import located

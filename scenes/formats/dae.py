@@ -167,3 +167,16 @@ def _colour(value: Any, otherwise: float) -> Colour:
         return otherwise, otherwise, otherwise
     red, green, blue = np.clip(np.asarray(value[:3], np.float64), 0, 1).tolist()
     return red, green, blue
+
+
+FORMATS = (
+    {
+        "ending": ".dae",
+        "name": "COLLADA",
+        "read": "obscurance.scenes.formats.dae:read_dae",
+        "peak": 22.0,
+        "begins": rb"(?s)(\xef\xbb\xbf)?\s*(<\?xml.*?\?>\s*)?(<!--.*?-->\s*)*<COLLADA\b",
+        "unit": "obscurance.scenes.formats.dae:unit",
+    },
+    {"ending": ".zae", "name": "COLLADA", "read": "obscurance.scenes.formats.dae:read_dae", "peak": 22.0},
+)

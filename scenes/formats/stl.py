@@ -67,3 +67,14 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     if not solids:
         raise damaged
     return solids
+
+
+FORMATS = (
+    {
+        "ending": ".stl",
+        "name": "STL",
+        "read": "obscurance.scenes.formats.stl:read_stl",
+        "peak": 6.0,
+        "begins": rb"\s*solid\b.*\n\s*facet\b",
+    },
+)

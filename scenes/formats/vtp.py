@@ -199,3 +199,16 @@ def _primitive(document: _Document, piece: ElementTree.Element, unread: dict[str
     unread |= dict.fromkeys(f"{name} of points" for name in sorted(arrays.keys() - {*names.values()}))
     columns = ColumnSet({key: Column(values) for key, values in found.items()})
     return Primitive.of(points, corners, sizes, document.source, columns=columns)
+
+
+FORMATS = (
+    {
+        "ending": ".vtp",
+        "name": "VTK",
+        "read": "obscurance.scenes.formats.vtp:read_vtp",
+        "peak": 10.0,
+        "begins": rb"(?s)\s*(<\?xml.*?\?>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*PolyData",
+        "write": "obscurance.scenes.formats.vtp:vtp",
+        "holds": ("source", "w"),
+    },
+)

@@ -61,9 +61,11 @@ def write(
     - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,), as far as they
       are known; of a profile `profile` float32 (n, k), `half_distances` float64 (k,), `radius`, and `max_distance` if
       it has a limit.
-    - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
-      a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
-    - `.glb`: `_OBSCURANCE` (`scenes.formats.gltf.write.glb`), and what viewers show: a ramp or colours.
+    - `.ply`: `obscurance`, error, flags and bent normals behind the same word, and w as the grey `red green blue`,
+      sRGB-encoded as Blender and three.js take the colours of a PLY (`scenes.formats.ply.write.ply`). Coordinates are
+      float where that loses nothing, double otherwise.
+    - `.glb`: attributes of the same names in capitals (`scenes.formats.gltf.write.glb`), and what viewers show: a ramp
+      or colours.
     - `.obj`: w as the grey `v x y z r g b`, sRGB-encoded (`scenes.formats.obj.write`).
     - `.vtp`: `obscurance`, and `error`, `flags`, `bent_normals` as far as they are known (`scenes.formats.vtp`).
     - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
@@ -212,3 +214,20 @@ def npz(bake: Bake, *_: object) -> memoryview:
         arrays |= {"profile": profile.values} | {name: np.float64(value) for name, value in profile.lengths.items()}
     np.savez(content, **arrays)
     return content.getbuffer()
+
+
+FORMATS = (
+    {"ending": ".npy", "name": "NumPy", "write": "obscurance.scenes.formats.write:npy", "holds": ("w", "faces")},
+    {
+        "ending": ".npz",
+        "name": "NumPy",
+        "write": "obscurance.scenes.formats.write:npz",
+        "holds": ("w", "profile", "faces"),
+    },
+    {
+        "ending": ".html",
+        "name": "HTML",
+        "write": "obscurance.scenes.show.page.document:page_of_bake",
+        "holds": ("profile",),
+    },
+)
