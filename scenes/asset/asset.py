@@ -326,7 +326,7 @@ class Asset:
         """All that a bake has left in the file, unchecked, or None without w."""
         if self.w is None:
             return None
-        columns = {name: self.at_vertices(column) for name, column in BAKED.items()}
+        columns: dict[str, Any] = {name: self.at_vertices(column) for name, column in BAKED.items()}
         return StoredBake(**columns, profile=self.profile)
 
     @cached_property

@@ -17,6 +17,7 @@ import numpy as np
 
 from obscurance.raytrace import (
     BlinnPhong,
+    Camera,
     Lambert,
     Material,
     MeshError,
@@ -27,6 +28,7 @@ from obscurance.raytrace import (
     Settings,
 )
 from obscurance.raytrace.errors import printable
+from obscurance.raytrace.lights.sources import BaseLight
 from obscurance.raytrace.mesh.corners import split_creases, split_hard_edges
 from obscurance.raytrace.mesh.warnings import lying_notes
 from obscurance.raytrace.scene import Shape
@@ -53,7 +55,8 @@ def mesh_scene(source: Asset, settings: Settings, up: str | None = None, view: s
     Raises: as `placed`. OptionError: `up`, and the file has a camera of its own.
     """
     pairs = list(placed(source))
-    own_camera, lights = None, ()
+    own_camera: Camera | None = None
+    lights: tuple[BaseLight, ...] = ()
     if source.is_scene:
         from .gltf_scene import camera_and_lights
 

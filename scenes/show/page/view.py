@@ -71,7 +71,7 @@ def _values(path: Path, count: int, source: Asset | None) -> Values:
 
     Args: source: the mesh file, None of values alone.
     """
-    stored = source and source.baked
+    stored = source.baked if source else None
     textures = None
     if stored is None:
         profile = source.profile if source else find_profile(path)
