@@ -75,9 +75,9 @@ def _of_glb(asset: Asset, colors: str) -> Iterator[str]:
     from .gltf.plain import SOURCE_INDEX, kept_numbers, part_origin
 
     if asset.is_scene:
-        from .gltf.write import has_colors
-
-        if has_colors(asset, checked=len(colors) == 1) and len(colors) > 1:
+        if len(colors) == 1:
+            asset.columns(COLOR)  # to find what is malformed
+        elif colors and any(COLOR in part.primitive.columns for part in asset.parts):
             yield "its colours"
         return
     part_origin(asset.mesh.vertices)

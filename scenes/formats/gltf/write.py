@@ -170,16 +170,6 @@ def write_ramp(builder: GlbBuilder, drawn: Iterable[tuple[dict[str, Any], AnyFlo
     textures.apply()
 
 
-def has_colors(asset: Asset, checked: bool) -> bool:
-    """Whether a glTF has colours of vertices. Raises: MeshError: they are malformed, and to be `checked`."""
-    raw = asset.raw
-    assert isinstance(raw, Gltf)
-    for drawn, part in zip(raw.drawn, asset.parts, strict=True) if checked else ():
-        stored_colors(raw, drawn.primitive.attributes, part.vertices.stop - part.vertices.start)
-    primitives = [primitive for mesh in raw.geometry.meshes for primitive in mesh.primitives]
-    return any("COLOR_0" in primitive.attributes for primitive in primitives)
-
-
 def ramp_warnings(asset: Asset, replace: bool) -> list[str]:
     """Warnings where `write_ramp` leaves w out, or some viewers will: lines for the user, mostly none."""
     raw = asset.raw

@@ -256,17 +256,6 @@ def stored_colors(elements: Sequence[Element]) -> dict[str, Property]:
     return {name: vertex[name] for name in (*RGB, "alpha") if name in vertex}
 
 
-def own_colors(elements: Sequence[Element]) -> dict[str, Property]:
-    """The vertices' colours as `stored_colors`, none if they are the grey that a bake has left."""
-    colors = stored_colors(elements)
-    baked = columns_of(elements, "vertex").get(W)
-    if baked is not None and all(name in colors and colors[name].kind == "B" for name in RGB):
-        grey = grey_of(baked.values)
-        if all(np.array_equal(colors[name].values, grey) for name in RGB):
-            return {}
-    return colors if set(colors) & set(RGB) else {}
-
-
 def grey_of(w: npt.NDArray[Any]) -> Float32s:
     """Greys in [0, 255] that programs which take colours of a PLY for sRGB, as most do, read as w."""
     return np.rint(255 * encode_srgb(np.nan_to_num(w)))

@@ -13,7 +13,7 @@ from ...asset.asset import Asset
 from ...asset.primitive import BAKED, W, float_normals
 from ..table import Channels
 from . import layout
-from .layout import COUNT, RGB, UP_COMMENT, Element, Ply, Property, grey_of, own_colors, stored_colors
+from .layout import COUNT, RGB, UP_COMMENT, Element, Ply, Property, grey_of, stored_colors
 
 GREY = "; red green blue = obscurance as sRGB"
 _COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"}
@@ -69,10 +69,10 @@ def bare_ply(mesh: Mesh) -> bytes:
 
 
 def has_own_colors(asset: Asset) -> bool:
-    """Whether the source has vertex colours that are not the grey of an earlier bake."""
-    if isinstance(asset.raw, Ply):
-        return bool(own_colors(asset.raw.elements))
-    return any(part.primitive.own_colours for part in asset.parts)
+    """Whether the source has vertex colours, or a PLY some of the three, that are not the grey of an earlier bake."""
+    stored = stored_colors(asset.raw.elements) if isinstance(asset.raw, Ply) else {}
+    has_some = 0 < len({*RGB} & stored.keys()) < len(RGB)
+    return has_some or any(part.primitive.own_colours for part in asset.parts)
 
 
 def cuts_polygons(asset: Asset) -> bool:
