@@ -70,9 +70,11 @@ def bare_ply(mesh: Mesh) -> bytes:
 
 def has_own_colors(asset: Asset) -> bool:
     """Whether the source has vertex colours, or a PLY some of the three, that are not the grey of an earlier bake."""
-    stored = stored_colors(asset.raw.elements) if isinstance(asset.raw, Ply) else {}
-    has_some = 0 < len({*RGB} & stored.keys()) < len(RGB)
-    return has_some or any(part.primitive.own_colours for part in asset.parts)
+    if isinstance(asset.raw, Ply):
+        some = {*RGB} & stored_colors(asset.raw.elements).keys()
+        if len(some) < len(RGB):
+            return bool(some)
+    return any(part.primitive.own_colours for part in asset.parts)
 
 
 def cuts_polygons(asset: Asset) -> bool:
