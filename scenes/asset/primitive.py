@@ -196,6 +196,12 @@ class StoredBake:
         return replace(self, **of_vertices, profile=profile)
 
 
+def known_columns(bake: Any) -> dict[str, Array]:
+    """What files hold of a bake by its attributes, floats and bytes of flags, as far as it is known."""
+    kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
+    return {name: values.astype(kind) for name, kind in kinds.items() if (values := getattr(bake, name)) is not None}
+
+
 def reverse_order(sizes: Array) -> Int64s:
     """The places (c,) of the corners of polygons of these sizes, each polygon's in reverse."""
     lengths = sizes.astype(np.int64)

@@ -41,7 +41,6 @@ from ..asset.primitive import Column
 from ..formats.load import load, parser_errors, read_asset
 from ..formats.table import format_of, is_raster
 from ..geometry.primitives import Origin, TexturedMesh
-from ..json_toml import located
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, sun_and_sky, three_lights
 
 _COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
@@ -99,7 +98,7 @@ def placed(source: Asset) -> Iterator[Placed]:
             if part.number not in shapes:
                 alone = source
                 if len(source.parts) > 1 or part.node.matrix is not None:
-                    path = Path(f"{source.path}: {part.name}") if source.is_scene else source.path
+                    path = Path(f"{source.path}: {part.name}")  # as messages have it
                     alone = replace(source, path=path, nodes=(Node(part.name, (part.number,)),))
                 shapes[part.number] = list(_shapes(alone, models))
             matrix = np.eye(4) if part.node.matrix is None else part.node.matrix
@@ -167,22 +166,19 @@ def _shapes(source: Asset, models: Mapping[int, Material]) -> Iterator[tuple[Sha
         parts = ObjectSelection(mesh, np.ones(len(group), np.bool_), group).parts()
         pieces = [(vertices, piece) for vertices, _, piece in parts]
     for number, (vertices, piece) in zip(numbers, pieces, strict=True):
-        with located(source.path, f"materials[{number // 2}]"):
-            own_uv, texture = used[number // 2] if number % 2 else (None, None)
-            occlusion = source.material(number // 2).occlusion
-            at = source.looked_up(primitive, occlusion)
-            bare = NEUTRAL if colours is None else WHITE
-            yield (
-                Shape(
-                    piece,
-                    models.get(number // 2, bare),
-                    None if own_uv is None else own_uv[vertices],
-                    texture,
-                    Occlusion(at_vertices(at[0])[vertices], at[1], occlusion.strength) if at and occlusion else None,
-                    colours=None if colours is None else colours[of[vertices]],
-                ),
-                Origin(of[vertices], total) if split or len(numbers) > 1 else None,
-            )
+        own_uv, texture = used[number // 2] if number % 2 else (None, None)
+        occlusion = source.material(number // 2).occlusion
+        at = source.looked_up(primitive, occlusion)
+        bare = NEUTRAL if colours is None else WHITE
+        shape = Shape(
+            piece,
+            models.get(number // 2, bare),
+            None if own_uv is None else own_uv[vertices],
+            texture,
+            Occlusion(at_vertices(at[0])[vertices], at[1], occlusion.strength) if at and occlusion else None,
+            colours=None if colours is None else colours[of[vertices]],
+        )
+        yield shape, Origin(of[vertices], total) if split or len(numbers) > 1 else None
         total = 0  # of further parts of the file
 
 
@@ -194,19 +190,14 @@ def read_mesh(path: Path, textured: bool, own_normals: bool = True) -> tuple[Tex
     """
     file = load(path, names=True)
     notes = [*file.notes, *colours_left_out(path, file.unread)]
-    colours = linear_colours(file)
+    colours = file.colours()
     uv = file.per_corner("uv0") if textured else None
     several = [uv] if uv and not np.isnan(uv.values[uv.of]).any() else []
     split = split_creases(file.mesh, several, own_normals)
     origin = Origin(split.vertices, len(file.mesh.vertices))
     of_corners = several[0].values[several[0].of[split.like]] if several else None
-    return TexturedMesh(split.mesh, of_corners, origin, None if colours is None else colours[split.vertices]), notes
-
-
-def linear_colours(source: Asset) -> Float64s | None:
-    """Linear RGB (n, 3) of the vertices in the file's order, None if they have none."""
-    colours = source.colours()
-    return None if colours is None else colours[:, :3].clip(0.0, 1.0)
+    linear = None if colours is None else colours[split.vertices, :3].clip(0.0, 1.0)
+    return TexturedMesh(split.mesh, of_corners, origin, linear), notes
 
 
 def colours_left_out(path: Path, unread: Iterable[str]) -> list[str]:

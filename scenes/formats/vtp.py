@@ -21,7 +21,7 @@ from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Int64s
 
 from ..asset.asset import Asset, Node
-from ..asset.primitive import BAKED, NORMAL, Column, ColumnSet, Primitive, W, float_normals
+from ..asset.primitive import BAKED, NORMAL, Column, ColumnSet, Primitive, W, float_normals, known_columns
 from ..geometry.polygons import strip_triangles
 from .table import MeshInput
 
@@ -30,7 +30,7 @@ _DECOMPRESSORS: dict[str, Any] = {
     "vtkZLibDataCompressor": zlib.decompressobj, "vtkLZMADataCompressor": lzma.LZMADecompressor,
 }  # fmt: skip
 _GROWTH, _SPARE = 1100, 1 << 24  # deflate grows 1032-fold at most
-_TYPES = {"f4": "Float32", "f8": "Float64", "i8": "Int64", "u1": "UInt8"}
+_TYPES = {"float32": "Float32", "float64": "Float64", "int64": "Int64", "uint8": "UInt8"}
 _HEADER = '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
 
 
@@ -38,14 +38,11 @@ def vtp(bake: Bake, asset: Asset, _: object) -> bytes:
     """The vertices and polygons of the source with `obscurance`, float, and as far as they are known `error`, `flags`,
     `bent_normals` and `Normals`, the source's own."""
     mesh = asset.mesh
-    columns: dict[str, tuple[npt.NDArray[Any] | None, str]] = {
-        W: (bake.w, "f4"),
-        "error": (bake.error, "f4"),
-        "flags": (bake.flags, "u1"),
-        "bent_normals": (bake.bent_normals, "f4"),
-        "Normals": (None if mesh.normals is None else float_normals(mesh.normals), "f4"),
-    }
-    point_data = [_array(name, values, kind) for name, (values, kind) in columns.items() if values is not None]
+    known = known_columns(bake)
+    columns = {W if name == "w" else name: known[name] for name in BAKED if name in known}
+    if mesh.normals is not None:
+        columns["Normals"] = float_normals(mesh.normals)
+    point_data = [_array(name, values) for name, values in columns.items()]
     lines = [
         _HEADER,
         "<PolyData>",
@@ -54,11 +51,11 @@ def vtp(bake: Bake, asset: Asset, _: object) -> bytes:
         *point_data,
         "</PointData>",
         "<Points>",
-        _array("Points", mesh.vertices, "f8"),
+        _array("Points", mesh.vertices),
         "</Points>",
         "<Polys>",
-        _array("connectivity", asset.corners, "i8"),
-        _array("offsets", np.cumsum(asset.sizes), "i8"),
+        _array("connectivity", asset.corners),
+        _array("offsets", np.cumsum(asset.sizes)),
         "</Polys>",
         "</Piece>",
         "</PolyData>",
@@ -67,12 +64,12 @@ def vtp(bake: Bake, asset: Asset, _: object) -> bytes:
     return "\n".join(lines).encode()
 
 
-def _array(name: str, values: npt.NDArray[Any], kind: str) -> str:
+def _array(name: str, values: npt.NDArray[Any]) -> str:
     """A `DataArray` element of values, in base64 behind their number of bytes."""
-    content = values.astype("<" + kind).tobytes()
+    content = values.tobytes()
     encoded = b64encode(len(content).to_bytes(8, "little") + content).decode()
     components = values.shape[1] if values.ndim > 1 else 1
-    of_what = f'type="{_TYPES[kind]}" Name="{name}" NumberOfComponents="{components}"'
+    of_what = f'type="{_TYPES[values.dtype.name]}" Name="{name}" NumberOfComponents="{components}"'
     return f'<DataArray {of_what} format="binary">{encoded}</DataArray>'
 
 

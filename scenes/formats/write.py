@@ -16,6 +16,7 @@ from obscurance.raytrace.errors import ConflictError, OptionError, Term
 from obscurance.raytrace.system.atomic import PathName, check_writable, write_bytes
 
 from ..asset.asset import Asset
+from ..asset.primitive import known_columns
 from .load import load
 from .table import Channels, endings, format_of
 
@@ -206,10 +207,9 @@ def npy(bake: Bake, *_: object) -> memoryview:
 def npz(bake: Bake, *_: object) -> memoryview:
     """w, error and bent normals as float32, flags as uint8, as far as they are known; the profile as it is kept."""
     content = io.BytesIO()
-    kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
-    arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}
+    arrays = known_columns(bake)
     if bake.below:
-        arrays |= {f"{name}_below": getattr(bake.below, name).astype(kind) for name, kind in kinds.items()}
+        arrays |= {f"{name}_below": values for name, values in known_columns(bake.below).items()}
     if profile := bake.profile:
         arrays |= {"profile": profile.values} | {name: np.float64(value) for name, value in profile.lengths.items()}
     np.savez(content, **arrays)

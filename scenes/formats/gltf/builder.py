@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from obscurance.raytrace.types import Float64s, Int64s
 
-from ...asset.primitive import BAKED, W
+from ...asset.primitive import BAKED, W, known_columns
 from .accessors import COMPONENTS
 from .asset import BIN_CHUNK, JSON_CHUNK
 from .records import LEFT, PROFILE
@@ -80,9 +80,8 @@ class GlbBuilder:
         profile = bake.profile
         for name in [name for name in attributes if name.startswith(LEFT[W])]:
             del attributes[name]
-        for name, column in BAKED.items():
-            if (values := getattr(bake, name)) is not None:
-                attributes[LEFT[column]] = self.accessor(values[vertices].astype("<f4"))
+        for name, values in known_columns(bake).items():
+            attributes[LEFT[BAKED[name]]] = self.accessor(values[vertices].astype("<f4"))
         if colors:
             attributes["COLOR_0"] = self._colors(w, colors, stored)
         if profile is None:

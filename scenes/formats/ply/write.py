@@ -10,7 +10,7 @@ from obscurance.raytrace.mesh.normals import face_normals, normalize
 from obscurance.raytrace.types import AnyFloats, Float64s
 
 from ...asset.asset import Asset
-from ...asset.primitive import BAKED, W, float_normals
+from ...asset.primitive import BAKED, W, float_normals, known_columns
 from ..table import Channels
 from . import layout
 from .layout import COUNT, RGB, UP_COMMENT, Element, Ply, Property, grey_of, stored_colors
@@ -132,7 +132,8 @@ def _annotate(element: Element, bake: Bake, colour_channels: str, further: str |
     """
     colours = (*RGB, "alpha")[: {0: 0, 1: 4}.get(len(colour_channels), 3)]
     unchanged = element.others(further, *colours)
-    added = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, (W, further))]
+    known = known_columns(bake)
+    added = [Property(name, "f", known["w"]) for name in filter(None, (W, further))]
     if bake.below:
         added.append(Property(f"{W}_below", "f", bake.below.w.astype("<f4")))
     if bake.profile:
@@ -143,13 +144,9 @@ def _annotate(element: Element, bake: Bake, colour_channels: str, further: str |
     elif colour_channels:
         grey = grey_of(bake.w)
         added += [Property(name, "B", grey) for name in RGB]
-    if bake.error is not None:
-        added.append(Property(BAKED["error"], "f", bake.error.astype("<f4")))
-    if bake.flags is not None:
-        added.append(Property(BAKED["flags"], "B", bake.flags.astype("u1")))
-    if bake.bent_normals is not None:
-        axes = zip(layout.AXES, bake.bent_normals.T, strict=True)
-        added += [Property(BAKED["bent_normals"] + axis, "f", column.astype("<f4")) for axis, column in axes]
+    for name in [name for name in BAKED if name in known and name != "w"]:
+        axes = zip(layout.AXES if known[name].ndim > 1 else ("",), np.atleast_2d(known[name].T), strict=True)
+        added += [Property(BAKED[name] + axis, column.dtype.char, column) for axis, column in axes]
     return replace(element, properties=(*unchanged, *added))
 
 
