@@ -207,7 +207,7 @@ def npy(bake: Bake, *_: object) -> memoryview:
 def npz(bake: Bake, *_: object) -> memoryview:
     """w, error and bent normals as float32, flags as uint8, as far as they are known; the profile as it is kept."""
     content = io.BytesIO()
-    arrays = known_columns(bake)
+    arrays: dict[str, Any] = known_columns(bake)
     if bake.below:
         arrays |= {f"{name}_below": values for name, values in known_columns(bake.below).items()}
     if profile := bake.profile:
