@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -137,10 +137,17 @@ class Asset:
         return cls(Path(mesh.source), (only,), (Node(mesh.source, (0,)),), up=mesh.up).with_mesh(mesh)
 
     @classmethod
-    def single(cls, path: Path, name: str, primitive: Primitive, notes: Sequence[str] = (), **more: Any) -> Self:
-        """The content of a file of one object, with the notes on its polygons after `notes`."""
-        lines = dict.fromkeys((*notes, *primitive.triangles.notes))
-        return cls(path, (primitive,), (Node(name, (0,)),), warnings=lines, **more)
+    def single(cls, path: Path, name: str, primitive: Primitive, notes: Iterable[str] = (), **more: Any) -> Self:
+        """The content of a file of one object."""
+        return cls.several(path, (name,), (primitive,), notes, **more)
+
+    @classmethod
+    def several(
+        cls, path: Path, names: Iterable[str], primitives: Iterable[Primitive], notes: Iterable[str] = (), **more: Any
+    ) -> Self:
+        """The content of a file of an object for each primitive, as it stands."""
+        nodes = tuple(Node(name, (number,)) for number, name in enumerate(names))
+        return cls(path, tuple(primitives), nodes, warnings=dict.fromkeys(notes), **more)
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:

@@ -149,6 +149,7 @@ def read_asset(path: Path, content: bytes | None = None, alpha: bool = False, po
         check_memory(path, int((row.peak + _KEPT) * size), f"to read {size:,} bytes")
         with path.open("rb") if content is None else io.BytesIO(content) as file:
             asset: Asset = resolve_name(row.read)(MeshInput(file, path, name, alpha, content is None))
+        asset.warnings.update((note, None) for one in asset.primitives for note in one.triangles.notes)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
         is_scene = "scene" in row.holds
         has_faces = [one.triangles.counts.any() for one in asset.primitives]

@@ -20,7 +20,7 @@ from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Int64s
 
-from ..asset.asset import Asset, Node
+from ..asset.asset import Asset
 from ..asset.primitive import BAKED, NORMAL, Column, ColumnSet, Primitive, W, float_normals, known_columns
 from ..geometry.polygons import strip_triangles
 from .table import MeshInput
@@ -162,11 +162,9 @@ def read_vtp(mesh_input: MeshInput) -> Asset:
     document = _Document.of(mesh_input.file.read(), mesh_input.source)
     found = [piece for piece in document.root.iterfind("PolyData/Piece") if piece.find("Points/DataArray") is not None]
     unread: dict[str, None] = {}
-    primitives = tuple(_primitive(document, piece, unread) for piece in found)
+    primitives = [_primitive(document, piece, unread) for piece in found]
     names = [f"{mesh_input.name}[{number}]" for number in range(len(found))] if len(found) > 1 else [mesh_input.name]
-    nodes = tuple(Node(name, (number,)) for number, name in enumerate(names))
-    notes = dict.fromkeys(note for primitive in primitives for note in primitive.triangles.notes)
-    return Asset(mesh_input.path, primitives, nodes, warnings=notes, unread=tuple(unread))
+    return Asset.several(mesh_input.path, names, primitives, unread=tuple(unread))
 
 
 def _primitive(document: _Document, piece: ElementTree.Element, unread: dict[str, None]) -> Primitive:
