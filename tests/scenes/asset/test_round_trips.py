@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import validator
 from command import obscurance, succeeded
 from gltf_files import QUAD, Builder
 from mesh_files import rich_ply
@@ -182,6 +183,15 @@ def test_pages_and_other_half_distances_have_what_a_bake_has_left(folder, target
         assert done.returncode == 0, done.stderr
         with np.load(folder / "f.npz") as arrays:
             assert len(arrays["flags"]) == len(arrays["w"])
+
+
+@pytest.mark.skipif(validator.missing() is not None, reason=str(validator.missing()))
+def test_the_validator_finds_no_error_in_a_glb_with_all_of_a_bake(folder):
+    targets = [folder / f"of{source[1:]}.glb" for source in RICH]
+    for source, target in zip(RICH, targets, strict=True):
+        asset = load(folder / f"m{source}", target)
+        write(target, made(len(asset.mesh.vertices)), asset)
+    assert validator.errors(*targets) == [[]] * len(targets)
 
 
 def test_columns_of_a_ply_that_are_called_as_those_of_a_bake_are_the_files_own(folder):
