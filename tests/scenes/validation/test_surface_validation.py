@@ -13,7 +13,7 @@ from obscurance.raytrace import Mesh
 from obscurance.scenes.validation import table as validation
 
 SIZE = 0.02
-SAMPLES = 4096
+SAMPLES = 2048
 OTHERS = "tilted normal", "inverted pyramid", "disk behind"  # two with normals of no face, one that the method refuses
 LINES = [line for line in validation.configurations() if not line.name.startswith(OTHERS)]
 COSTLY = "inside a cylinder"  # as the sphere, at ten times the cost: by one falloff

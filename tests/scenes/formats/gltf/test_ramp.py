@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from gltf_files import QUAD, Builder, check_glb, values
+from gltf_files import HALVES, QUAD, Builder, check_glb, values
 from gltf_samples import SAMPLES, UV, occluded, quad, transformed, variants
 from mesh_files import ply
 
@@ -125,7 +125,7 @@ def test_meshes_of_other_formats_have_it_for_every_material(tmp_path):
     np.testing.assert_allclose(found, w[[0, 1, 2, 3, 1, 2, 4]], rtol=0, atol=1e-6)
     assert [each["occlusionTexture"]["texCoord"] for each in header["materials"][1:]] == [1, 1]
     assert len(header["images"]) == 1
-    _, w, header, binary = written(tmp_path, ply(QUAD, [[0, 1, 2], [0, 2, 3]]), "m.ply")
+    _, w, header, binary = written(tmp_path, ply(QUAD, HALVES), "m.ply")
     np.testing.assert_allclose(next(read_back(tmp_path, header, binary)), w, rtol=0, atol=1e-6)
     assert header["materials"][0]["occlusionTexture"] == {"index": 0}
 
