@@ -80,7 +80,7 @@ def test_of_larger_pages(name):
 @pytest.mark.parametrize("name", EXACT)
 def test_of_texels_that_have_as_many_rays(name, options):
     bakes, errors = [], []
-    for seed in range(40, 43):
+    for seed in range(40, 42):
         mesh, uv, truth = EXACT[name](seed, 20)
         bakes.append(ao.bake_texture(mesh, uv, 20, "binary", close_seams=False, seed=seed, **options))
         errors.append(squared(bakes[-1], truth))

@@ -112,7 +112,7 @@ def polygon_errors(samples: int, seed: int) -> np.ndarray:
         return np.concatenate([validation.measure(line, raw, samples, seed) - line.exact for line in lines])
 
 
-@pytest.mark.parametrize("samples", [4096, 100, 13])
+@pytest.mark.parametrize("samples", [2048, 13])
 def test_polygons_show_no_bias(samples: int) -> None:
     errors = np.array([polygon_errors(samples, seed) for seed in range(SEEDS)])
     spread = errors.std(axis=0, ddof=1) / np.sqrt(SEEDS)
