@@ -142,7 +142,7 @@ def test_clouds_are_closed_in_creases(angle, is_grid):
 
 @pytest.mark.parametrize("is_grid", [True, False])
 @pytest.mark.parametrize("facing", [-1.0, 1.0])
-@pytest.mark.parametrize("height", [0.05, 0.2, 0.8])
+@pytest.mark.parametrize("height", [0.05, 0.8])
 def test_sheets_of_clouds_lie_over_one_another(height, facing, is_grid):
     """Heights in spacings of the points; what lies below the upper sheet sees out beyond .3 alone, as do two that face
     each other."""

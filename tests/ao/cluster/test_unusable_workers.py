@@ -162,7 +162,10 @@ else:
 """
 
 
-@pytest.mark.parametrize("instead", ["await asyncio.sleep(600)", "os.kill(os.getpid(), signal.SIGSTOP)"])
+@pytest.mark.parametrize(
+    "instead",
+    [pytest.param("await asyncio.sleep(600)", marks=pytest.mark.slow), "os.kill(os.getpid(), signal.SIGSTOP)"],
+)
 def test_a_late_worker_that_says_nothing_keeps_nobody_waiting(tmp_path, medium, instead):
     """Nor another one from being named that cannot be used either."""
     places = {name: tmp_path / name for name in ("first", "second", "asked", "reported")}

@@ -53,7 +53,11 @@ def excess(line, baked):
 
 @pytest.mark.parametrize(
     "line",
-    [line for line in LINES if line.name != COSTLY or isinstance(line.falloff, ao.Binary)],
+    [
+        pytest.param(line, marks=[pytest.mark.slow] * (number % 2))
+        for number, line in enumerate(LINES)
+        if line.name != COSTLY or isinstance(line.falloff, ao.Binary)
+    ],
     ids=lambda line: f"{line.name}, {validation.described(line.falloff)}",
 )
 def test_the_surface_method_matches_the_closed_form(line):
