@@ -204,7 +204,7 @@ def bake_vertices(options: VertexArguments) -> Bake:
         below = bake_vertices(replace(options, mesh=mesh.reversed(), both_sides=False, checkpoint=None))
         baked.seconds["bake"] += sum(below.seconds.values())
         baked = replace(baked, below=below, rays=baked.rays + below.rays)
-    return replace(baked, shortfalls=shortfalls(options, max(baked.rmses), samples, element, solid, vertices))
+    return replace(baked, shortfalls=shortfalls(options, baked.rmses, samples, element, solid, vertices))
 
 
 def _measure_between(prepared: Prepared, baked: Bake) -> Interpolation:

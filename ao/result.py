@@ -339,17 +339,18 @@ def of_columns(options: Options, mus: Sequence[Mu], columns: Sequence[AnyFloats]
 
 
 def shortfalls(
-    options: Options, rmse: float, samples: int, kind: str, solid: Mesh, vertices: Float32s
+    options: Options, rmses: Sequence[float], samples: int, kind: str, solid: Mesh, vertices: Float32s
 ) -> tuple[str, ...]:
     """The lines about what the result lacks of what was asked for.
 
-    They name a tolerance that is not met, also in a warning of Python's, closed parts of the `solid` that look inwards,
-    and holes of a `solid` whose thickness is baked.
+    They name a tolerance that a falloff asked for does not meet, also in a warning of Python's, closed parts of the
+    `solid` that look inwards, and holes of a `solid` whose thickness is baked.
 
-    Args: samples: rays of the point that has most. kind: of the points, in a word. vertices: of the solid and what
-        else occludes, in render space.
+    Args: rmses: by each falloff, those asked for first. samples: rays of the point that has most. kind: of the points,
+        in a word. vertices: of the solid and what else occludes, in render space.
     """
     texts = []
+    rmse = max(rmses[: len(options.falloffs)])
     if options.tolerance is not None and rmse > options.tolerance:
         reason = f": {samples:,} rays a {kind} were allowed" if samples >= options.rays else ""
         texts = [f"tolerance {options.tolerance:g} is not met, the estimated RMSE is {rmse:.3g}{reason}"]

@@ -45,7 +45,8 @@ def estimate(tracer: Tracer, sites: Sites, options: Options) -> list[Estimate]:
     if tolerance is None:
         rounds, rays = by_rays(tracer, sites, most, options.denoise, key)
     else:
-        rounds, rays = to_tolerance(tracer, sites, tolerance, most, options.denoise, key)
+        asked = len(options.falloffs)
+        rounds, rays = to_tolerance(tracer, sites, tolerance, most, options.denoise, key, asked)
     return [round_.estimate(rays) for round_ in rounds]
 
 

@@ -173,16 +173,16 @@ def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint
     tracer.expected = tracer.rays + rays * (len(sites) + 2 * wanted)
     own = Copies.of_one_round(tracer, sites.points, rays, key, np.float32 if denoise else np.float64)
     sets = _sets_of_probes(tracer, sites, (wanted, 0.0), rays, key)
-    return _rounds(own, sites, sets, denoise), own.rays
+    return _rounds(own, sites, sets, denoise, range(tracer.columns)), own.rays
 
 
 def to_tolerance(
-    tracer: Tracer, sites: Sites, tolerance: float, max_samples: int, denoise: bool, key: np.uint32
+    tracer: Tracer, sites: Sites, tolerance: float, max_samples: int, denoise: bool, key: np.uint32, asked: int
 ) -> tuple[list[Round], Int64s]:
     """The estimates whose root mean square error over all sites is `tolerance`, if `max_samples` rays a site allow it;
     and the rays of each.
 
-    Of several falloffs all meet it, by the same rays.
+    All of the `asked` falloffs, the first ones, meet it, by the same rays; further ones err by what these rays give.
     """
     wanted = int(np.clip(len(sites) // _PROBED, _FEWEST, _MOST))
     # More rays would not make up for fewer probes: both err by as much.
@@ -194,7 +194,7 @@ def to_tolerance(
     few = min(first_rays(tolerance, len(sites.traced_points)), max_samples)
     first = few
     if denoise and len(sites.traced_points) >= _PILOTED:
-        first = _rays_by_pilot(own, sites, deciding, few, goal, max_samples, key)
+        first = _rays_by_pilot(own, sites, deciding, few, goal, max_samples, key, range(asked))
     more = np.zeros(len(sites), np.int64)
     more[sites.traced] = np.maximum(first - own.rays[sites.traced], 0)
     salt = _SALT if first == few else _SALT + 1  # `few` rays of all sites are lattices together with the pilot's
@@ -205,7 +205,8 @@ def to_tolerance(
         for probes in sets:
             probes.grow(sites, own.rays)
         more[:] = 0
-        rounds = _rounds(own, sites, sets, denoise)
+        rounds = _rounds(own, sites, sets, denoise, range(asked))
+        again = np.zeros(0, np.int64)
         if max(round_.mean for round_ in rounds) <= goal:  # sites expected to be far off get rays of their own
             worst = np.any([round_.errs_by_more(_WORST * tolerance) for round_ in rounds], axis=0)
             have = own.rays[sites.traced]
@@ -220,7 +221,8 @@ def to_tolerance(
         sites, broken = _with_more_traced(most, measuring, goal)
         more[rounds[0].sites.traced] = _more_rays(rounds, own, goal, max_samples, denoise)
         more[broken] = few
-    return rounds, own.rays
+    further = _rounds(own, rounds[0].sites, sets, denoise, range(asked, tracer.columns))
+    return rounds + [round_.by_own_rays(again, own, measuring) for round_ in further], own.rays
 
 
 def _sets_of_probes(
@@ -238,10 +240,13 @@ def _sets_of_probes(
     return Probes(tracer, sites, counts, rays, key, 0), Probes(tracer, sites, counts, rays, key, 2)
 
 
-def _rounds(own: Copies, sites: Sites, sets: tuple[Probes, Probes], denoise: bool) -> list[Round]:
-    """The estimates of each falloff by the rays so far; the first time more probes are put where errors are largest."""
+def _rounds(own: Copies, sites: Sites, sets: tuple[Probes, Probes], denoise: bool, columns: range) -> list[Round]:
+    """The estimates by some of the falloffs, `columns`, from the rays so far; the first time more probes are put where
+    errors are largest."""
+    if not columns:
+        return []
     deciding, measuring = sets
-    rounds = [Round.of(own, sites, deciding, column, denoise) for column in range(len(own.gathered))]
+    rounds = [Round.of(own, sites, deciding, column, denoise) for column in columns]
     for probes in sets:
         probes.add_where_error_is_largest(sites, _of_all(rounds))
     return [round_.calibrated(measuring) for round_ in rounds]
@@ -259,7 +264,7 @@ def _of_all(rounds: list[Round]) -> Float64s:
 
 
 def _rays_by_pilot(
-    own: Copies, sites: Sites, probes: Probes, few: int, goal: float, max_samples: int, key: np.uint32
+    own: Copies, sites: Sites, probes: Probes, few: int, goal: float, max_samples: int, key: np.uint32, columns: range
 ) -> int:
     """Rays of each site by which the mean square error should become the `goal`: `few` or more.
 
@@ -279,7 +284,6 @@ def _rays_by_pilot(
         more = np.zeros(len(sites), np.int64)
         more[at_all] = rays - own.rays[at_all]
         own.add(more, derive(key, salt), shared=True)
-        columns = range(len(own.gathered))
         checks = [probes.checks(sites, column, probed) for column in columns]
         placed = [each._replace(rows=np.searchsorted(rows, each.rows)) for each in checks]
         return max(_pilot_error(own, at_all, patch, placed[column], column) for column in columns)

@@ -100,7 +100,7 @@ def bake_points(
     flags: UInt8s = np.where(row < 0, Flag.DEGENERATE, 0).astype(np.uint8)
     result = assemble(prepared, solid, BakedElements(row, flags, baked.normals, len(places)), values)
     seconds = {"build": prepared.receivers.tree_seconds, "bake": time.perf_counter() - start}
-    lines = shortfalls(checked, max(result.rmses), values.samples, "point", solid, prepared.placement.vertices)
+    lines = shortfalls(checked, result.rmses, values.samples, "point", solid, prepared.placement.vertices)
     if lines and (in_doubt := np.count_nonzero(doubts > result.rmse)):
         lines += (f"discs may be above {in_doubt:,} of {len(places):,} points, or beside: noise, or holes of a sheet",)
     return replace(result, at="points", seconds=seconds, shortfalls=lines)

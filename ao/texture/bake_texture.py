@@ -225,9 +225,7 @@ def bake_page(options: TextureArguments) -> BakedTexture:
         mesh=scene.mesh,
         calibration=estimates[0].calibration,
         **of_columns(options, prepared.mus, [np.stack(pages, axis=-1) for pages in zip(*further_pages, strict=True)]),
-        shortfalls=shortfalls(
-            options, max(rmses), estimates[0].samples, "texel", scene.solid, prepared.placement.vertices
-        ),
+        shortfalls=shortfalls(options, rmses, estimates[0].samples, "texel", scene.solid, prepared.placement.vertices),
     )
 
 
