@@ -1,7 +1,6 @@
 """w as a ramp in the occlusion textures of a .glb, read back by a reader of the tests' own."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import OpenImageIO as oiio
@@ -11,6 +10,7 @@ from gltf_samples import SAMPLES, UV, occluded, quad, transformed, variants
 from mesh_files import ply
 
 from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.scenes.asset.primitive import StoredBake
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.unsupported import unsupported_features
 from obscurance.scenes.formats.write import channels, write
@@ -21,7 +21,7 @@ SEAMS += "usemtl a\nf 1/1 2/2 3/3 4/4\nusemtl b\nf 2/1 5/2 3/3\n"
 
 
 def bake(count):
-    return SimpleNamespace(w=np.random.default_rng(count).random(count), profile=None, at="vertices", below=None)
+    return StoredBake(np.random.default_rng(count).random(count))
 
 
 def written(folder, data, name="in.glb", **options):
