@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from uv_meshes import quads, rectangle, square
+from uv_meshes import floor_and_wall, quads, rectangle, square
 
 from obscurance import ao
 from obscurance.ao import closed_forms
@@ -17,14 +17,6 @@ PLACES = np.array([(x, y, 0) for x in STEPS for y in np.linspace(-2, 2, 9)])
 def floor():
     corner = np.array([i * 9 + j for i in range(8) for j in range(8)])
     return Mesh(PLACES, np.concatenate([corner[:, None] + [0, 9, 10], corner[:, None] + [0, 10, 1]]))
-
-
-def floor_and_wall(height):
-    """A larger floor at a height, and a wall on it at x = −½."""
-    return quads(
-        (rectangle((-0.5, -60, height), (60, 0, 0), (0, 120, 0)), square(0, 0, 1, 1)),
-        (rectangle((-0.5, 60, height), (0, -120, 0), (0, 0, 60)), square(0, 0, 1, 1)),
-    )[0]
 
 
 def sheet(side, height=0.0):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from uv_meshes import grid_charts, icosphere, quads, rectangle, square
+from uv_meshes import floor_and_wall, grid_charts, icosphere, quads, rectangle, square
 
 from obscurance import ao
 from obscurance.ao import closed_forms
@@ -13,15 +13,6 @@ from obscurance.raytrace.bvh.closest import closest_on_triangle, closest_points
 from obscurance.raytrace.mesh.placement import Placement
 
 FLOOR = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 1)
-
-
-def floor_and_wall(height=-0.01):
-    """A floor a little below z = 0 that is larger than `FLOOR`, and a wall on it at x = −½."""
-    mesh, _ = quads(
-        (rectangle((-0.5, -60, height), (60, 0, 0), (0, 120, 0)), square(0, 0, 1, 1)),
-        (rectangle((-0.5, 60, height), (0, -120, 0), (0, 0, 60)), square(0, 0, 1, 1)),
-    )
-    return mesh
 
 
 @pytest.mark.parametrize("height", [-0.01, 0.01])

@@ -57,11 +57,14 @@ def test_the_less_normals_may_differ_the_fewer_have_one():
     assert many > 1.2 * fewer > none == 0
 
 
+FLOOR = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 0.75)
+POST = rectangle((2.06, 0.06, 0), (0.01, 0, 0), (0, 0, 0.5)), square(0.1, 0.8, 0.9, 0.95)
+
+
 def floor_and(rise, height=1.0):
     """A floor of texels of 1/8, and a strip that rises from its left edge, so much for each step to the left."""
-    floor = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 0.75)
     side = rectangle((0, -2, 0), (0, 4, 0), (-height / rise, 0, height)), square(0.1, 0.8, 0.9, 0.95)
-    return quads(floor, side)
+    return quads(FLOOR, side)
 
 
 def test_several_at_the_foot_of_a_wall():
@@ -79,9 +82,7 @@ def test_what_rises_gently_is_no_wall(rise, several):
 
 
 def test_a_thin_thing_upon_a_floor_is_seen():
-    floor = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 0.75)
-    post = rectangle((2.06, 0.06, 0), (0.01, 0, 0), (0, 0, 0.5)), square(0.1, 0.8, 0.9, 0.95)
-    one, _ = enough(*quads(floor, post), 32)
+    one, _ = enough(*quads(FLOOR, POST), 32)
     assert not one[9 + 11, 16]
     assert one[9:].sum() > 500
 
@@ -157,9 +158,7 @@ def test_blocks_keep_away_from_the_foot_of_a_wall():
 
 
 def test_no_block_reaches_under_a_thin_post():
-    floor = rectangle((0, -2, 0), (4, 0, 0), (0, 4, 0)), square(0, 0, 1, 0.75)
-    post = rectangle((2.06, 0.06, 0), (0.01, 0, 0), (0, 0, 0.5)), square(0.1, 0.8, 0.9, 0.95)
-    sizes = blocks(*quads(floor, post), 64)[16:]
+    sizes = blocks(*quads(FLOOR, POST), 64)[16:]
     foot = np.s_[22:24, 32:34]
     assert (sizes[foot] == 1).all()
     assert (sizes == 4).sum() > 1000

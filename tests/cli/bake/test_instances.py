@@ -8,21 +8,14 @@ import json
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance, refused, succeeded
-from gltf_files import HALVES, QUAD, Builder
+from below_a_lid import HEIGHT, UV, W, bake, image, plate
+from command import obscurance, refused
+from gltf_files import Builder
 
 from obscurance import ao, scenes
-from obscurance.ao.closed_forms import polygon_form_factor
-from obscurance.raytrace.image.read import read_image
 from obscurance.scenes.formats.gltf.accessors import values
 
-HEIGHT = 0.5
-LID = [(-2, -2, HEIGHT), (2, -2, HEIGHT), (2, 2, HEIGHT), (-2, 2, HEIGHT)]
-PLACES = (np.arange(16) + 0.5) / 8 - 1
-W = 1 - np.array([[polygon_form_factor(LID, (x, -y, 0), (0, 0, 1)) for x in PLACES] for y in PLACES])
-"""Of the texels of the square below the lid, by their centres."""
 FEW = ("--samples", 64, "--size", 16, "--falloff", "binary", "--max-distance", 9)
-UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "<f4")  # downwards: all of the page
 OPEN, BELOW = {"mesh": 0, "name": "open", "translation": [99, 0, 0]}, {"mesh": 0, "name": "below"}
 
 
@@ -30,18 +23,10 @@ def squares(folder, nodes=(OPEN, BELOW), lid_uv=None, meshes=1, **fields):
     """A file of instances of a square, the last of `meshes` alike, and of the lid."""
     builder, path = Builder(), folder / "squares.glb"
     for side, height, uv in (*[(2, 0, UV)] * meshes, (4, HEIGHT, lid_uv)):
-        vertices = ((QUAD - (0.5, 0.5, 0)) * side + (0, 0, height)).astype("<f4")
-        piece = builder.primitive(vertices, HALVES, material=0 if side == 2 else 1)
-        if uv is not None:
-            piece["attributes"]["TEXCOORD_0"] = builder.accessor(uv, "VEC2")
-        builder.mesh(piece)
+        builder.mesh(plate(builder, side, height, uv, material=0 if side == 2 else 1))
     materials = [{"name": "floor"}, {"name": "lid"}]
     path.write_bytes(builder.glb([*nodes, {"mesh": meshes, "name": "lid"}], materials=materials, **fields))
     return path
-
-
-def bake(*arguments):
-    return succeeded("bake", *arguments)
 
 
 def textures_of(path):
@@ -51,10 +36,6 @@ def textures_of(path):
         material = scene.geometry[scene.graph[node][1]].visual.material
         found[node] = np.asarray(material.occlusionTexture)
     return found
-
-
-def image(path):
-    return read_image(path)[0]["beauty"][..., 0]
 
 
 def off(codes, w):

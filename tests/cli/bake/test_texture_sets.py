@@ -7,32 +7,18 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from command import obscurance, refused, succeeded
-from gltf_files import HALVES, QUAD, Builder
+from below_a_lid import HEIGHT, LID, UV, W, bake, image, plate
+from command import obscurance, refused
+from gltf_files import QUAD, Builder
 
 from obscurance import ao, scenes
 from obscurance.ao.closed_forms import polygon_form_factor
-from obscurance.raytrace.image.read import read_image
 from obscurance.raytrace.image.write import linear_png
 from obscurance.scenes.bake.pages import Layouts, Page
 from obscurance.scenes.bake.uv import Coordinates
 from obscurance.scenes.formats.gltf.occlusion import image_name, occlusion_reference
 
-HEIGHT = 0.5
-LID = [(-2, -2, HEIGHT), (2, -2, HEIGHT), (2, 2, HEIGHT), (-2, 2, HEIGHT)]
-PLACES = (np.arange(16) + 0.5) / 8 - 1
-W = 1 - np.array([[polygon_form_factor(LID, (x, -y, 0), (0, 0, 1)) for x in PLACES] for y in PLACES])
-"""Of the floor's texels below the lid, by their centres."""
 FEW = ("--samples", 64, "--size", 16, "--falloff", "binary")
-UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "<f4")  # downwards: all of the page
-
-
-def plate(builder, side, height, uv=UV, **fields):
-    """A square about the origin, whose layout is the whole page."""
-    piece = builder.primitive(((QUAD - (0.5, 0.5, 0)) * side + (0, 0, height)).astype("<f4"), HALVES, **fields)
-    if uv is not None:
-        piece["attributes"]["TEXCOORD_0"] = builder.accessor(uv, "VEC2")
-    return piece
 
 
 def floor_and_lid(folder, materials=("floor", "lid"), lid_uv=UV, **fields):
@@ -43,14 +29,6 @@ def floor_and_lid(folder, materials=("floor", "lid"), lid_uv=UV, **fields):
     nodes = [{"mesh": 0, "name": "low"}, {"mesh": 1, "name": "high"}]
     path.write_bytes(builder.glb(nodes, materials=[{"name": name} for name in materials], **fields))
     return path
-
-
-def bake(*arguments):
-    return succeeded("bake", *arguments)
-
-
-def image(path):
-    return read_image(path)[0]["beauty"][..., 0]
 
 
 def occlusion_of(path):

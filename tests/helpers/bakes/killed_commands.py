@@ -55,9 +55,9 @@ KINDS = {
     "faces": [(*BAKE, "--at", "faces", "-o", "out/w.npz")],
     "ply": [(*BAKE, "-o", "out/w.ply")],
     "glb": [(*BAKE, "-o", "out/w.glb")],
-    "texture": [(*BAKE, "--size", "96", "-o", "out/w.png")],
-    "smooth texture": [("bake", "hills.ply", "--size", "96", "--tolerance", "0.005", "--quiet", "-o", "out/w.exr")],
-    "textured": [(*BAKE, "--occlusion", "texture", "--size", "96", "-o", "out/w.glb")],
+    "texture": [(*BAKE, "--size", "64", "-o", "out/w.png")],
+    "smooth texture": [("bake", "hills.ply", "--size", "64", "--tolerance", "0.005", "--quiet", "-o", "out/w.exr")],
+    "textured": [(*BAKE, "--occlusion", "texture", "--size", "64", "-o", "out/w.glb")],
     "batch": [BATCH],
     "textures": [(*BATCH, "--format", "png", "--size", "64")],
     "npz": [(*BAKE, "-o", "out/w.npz", "--profile")],
@@ -76,7 +76,7 @@ KINDS = {
 def prepare(folder):
     """The inputs, in the working directory."""
     os.chdir(folder)
-    for name, steps in (("hills", 60), ("a", 20), ("b", 25), ("c", 30)):
+    for name, steps in (("hills", 40), ("a", 20), ("b", 25), ("c", 30)):
         vertices, faces = hills(steps)
         Path(f"{name}.ply").write_bytes(textured(vertices, faces))
     Path("scene.toml").write_text(SCENE)

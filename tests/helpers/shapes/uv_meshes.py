@@ -58,3 +58,11 @@ def grid_charts(count):
     side = int(np.ceil(np.sqrt(count)))
     cell = np.stack([np.arange(count) % side, np.arange(count) // side], axis=1)
     return (cell[:, None] + np.array([[0.1, 0.1], [0.9, 0.15], [0.3, 0.9]])) / side
+
+
+def floor_and_wall(height=-0.01):
+    """A floor at a height that is larger than 4 × 4 beside the plane x = 0, and a wall on it at x = −½."""
+    return quads(
+        (rectangle((-0.5, -60, height), (60, 0, 0), (0, 120, 0)), square(0, 0, 1, 1)),
+        (rectangle((-0.5, 60, height), (0, -120, 0), (0, 0, 60)), square(0, 0, 1, 1)),
+    )[0]

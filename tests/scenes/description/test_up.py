@@ -59,6 +59,15 @@ def test_the_picture_of_a_bake_goes_by_it_and_w_does_not(folder):
     assert np.abs(upright - standing).mean() < 0.03
 
 
+def write_camera(folder):
+    """Write c.glb, a triangle and a camera; the builder of the triangle."""
+    builder = Builder()
+    builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))
+    camera = {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}
+    (folder / "c.glb").write_bytes(builder.glb([{"mesh": 0}, {"camera": 0}], cameras=[camera]))
+    return builder
+
+
 def test_it_is_refused_where_it_would_do_nothing(folder):
     (folder / "s.toml").write_text('[[objects]]\nmesh = "z.ply"\n')
     refused(obscurance("render", "s.toml", "-o", "p.png", "--up", "z"), "--up: expected a mesh file")
@@ -67,10 +76,7 @@ def test_it_is_refused_where_it_would_do_nothing(folder):
         "bake: --up needs --ground, --normals up, --debug-image or .html, .ply, .glb",
     )
     refused(obscurance("render", "z.ply", "-o", "p.png", "--up", "w"), "--up", "w")
-    builder = Builder()
-    builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))
-    camera = {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}
-    (folder / "c.glb").write_bytes(builder.glb([{"mesh": 0}, {"camera": 0}], cameras=[camera]))
+    builder = write_camera(folder)
     refused(obscurance("render", "c.glb", "-o", "p.png", "--up", "z"), "--up: expected a file without a camera")
     (folder / "n.glb").write_bytes(builder.glb([{"mesh": 0}]))
     assert read_scene("n.glb", up="z").camera.up == (0, 0, 1)
@@ -113,10 +119,7 @@ def test_a_view_is_in_the_picture_and_takes_the_place_of_a_camera(folder):
     covered = np.argwhere(picture("render", "z.stl", *render, "--view", "bottom")[..., 3] > 0.5)
     wide, high = np.ptp(covered[:, 1]) + 1, np.ptp(covered[:, 0]) + 1
     assert 1.8 < wide / high < 2.2  # the floor below the roof is 4 by 2
-    builder = Builder()
-    builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))
-    camera = {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}
-    (folder / "c.glb").write_bytes(builder.glb([{"mesh": 0}, {"camera": 0}], cameras=[camera]))
+    write_camera(folder)
     np.testing.assert_allclose(read_scene("c.glb", view="back").camera.axes()[2], [0, 0, 1])
     (folder / "s.toml").write_text('[[objects]]\nmesh = "z.ply"\n')
     refused(obscurance("render", "s.toml", "-o", "p.png", "--view", "top"), "--view: expected a mesh file")
