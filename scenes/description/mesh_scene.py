@@ -146,41 +146,42 @@ def _shapes(source: Asset, models: Mapping[int, Material]) -> Iterator[tuple[Sha
     apart; and their origins in the file. Vertices are repeated at creases and where texture coordinates jump."""
     primitive = source.parts[0].primitive
     total = len(primitive.positions)
-    uv = source.per_corner("uv0") if any(material.texture for material in source.materials) else None
-    several = [uv] if uv and primitive.columns["uv0"].of is not None else []
-    has_normals = source.mesh.normals is not None  # which mostly have no creases, but for what `Shape.split` finds
-    split = None if has_normals and not several else split_creases(source.mesh, several)
+    # The faces of each material, those without texture coordinates apart.
+    group = 2 * primitive.of_faces(primitive.material)
+    textures = {}
+    for number in _kinds(group // 2):
+        if found := source.looked_up(primitive, source.material(number).texture):
+            textures[number] = found
+            faces = np.flatnonzero(group == 2 * number)
+            group[faces] += ~np.isnan(found[0].values[primitive.rows(found[0])[faces]]).any(axis=(1, 2))
+    numbers = _kinds(group)
+    # Their vertices; where all are one shape that is split at creases alone, it does so itself.
+    first = primitive.columns.get("uv0") if textures else None
+    uv = source.per_corner("uv0") if first and first.of is not None else None
+    split = split_creases(source.mesh, [uv] if uv else []) if uv or len(numbers) > 1 else None
     mesh = split.mesh if split else source.mesh
     of = split.vertices if split else np.arange(total)
 
-    def at_vertices(column: Column) -> Float64s:
-        return column.values[of if split is None or column.of is None else primitive.rows(column).ravel()[split.like]]
+    def at_vertices(column: Column, vertices: Int64s) -> Float64s:
+        rows = of if split is None or column.of is None else primitive.rows(column).ravel()[split.like]
+        return column.values[rows[vertices]]
 
     colours = primitive.shown_colours
-    # The faces of each material, those without texture coordinates apart.
-    group = 2 * primitive.of_faces(primitive.material)
-    used = {}
-    for number in _kinds(group // 2):
-        if looked_up := source.looked_up(primitive, source.material(number).texture):
-            used[number] = at_vertices(looked_up[0]), looked_up[1]
-            faces = np.flatnonzero(group == 2 * number)
-            group[faces] += ~np.isnan(used[number][0][mesh.faces[faces]]).any(axis=(1, 2))
-    numbers = _kinds(group)
     pieces = [(np.arange(len(of)), mesh)]
     if len(numbers) > 1:
         parts = ObjectSelection(mesh, np.ones(len(group), np.bool_), group).parts()
         pieces = [(vertices, piece) for vertices, _, piece in parts]
     for number, (vertices, piece) in zip(numbers, pieces, strict=True):
-        own_uv, texture = used[number // 2] if number % 2 else (None, None)
+        column, texture = textures[number // 2] if number % 2 else (None, None)
         occlusion = source.material(number // 2).occlusion
         at = source.looked_up(primitive, occlusion)
         bare = NEUTRAL if colours is None else WHITE
         shape = Shape(
             piece,
             models.get(number // 2, bare),
-            None if own_uv is None else own_uv[vertices],
+            None if column is None else at_vertices(column, vertices),
             texture,
-            Occlusion(at_vertices(at[0])[vertices], at[1], occlusion.strength) if at and occlusion else None,
+            Occlusion(at_vertices(at[0], vertices), at[1], occlusion.strength) if at and occlusion else None,
             colours=None if colours is None else colours[of[vertices]],
         )
         rows = of[vertices]
