@@ -254,15 +254,15 @@ class Asset:
         with np.errstate(invalid="ignore"):  # signalling NaNs, which are no numbers
             return np.concatenate([column.values.astype(np.float64) for column in columns if column])
 
+    def of_polygons(self, name: str, missing: npt.ArrayLike = np.nan) -> PerCorner | None:
+        """A column by the corners of polygons (c,), `missing` of parts that lack it; None if all do."""
+        columns = self.columns(name)
+        return None if columns is None else self._joined(columns, missing)
+
     def per_corner(self, name: str) -> PerCorner | None:
         """A column by the corners of the mesh's faces (3 m,), NaN of parts that lack it; None if all do."""
-        columns = self.columns(name)
-        return None if columns is None else self._on_faces(self._joined(columns))
-
-    def uv_of_polygons(self, missing: npt.ArrayLike = (0.0, 1.0)) -> PerCorner | None:
-        """The first texture coordinates by corners of polygons (c,), `missing` of parts without; None if all are."""
-        columns = self.columns("uv0")
-        return None if columns is None else self._joined(columns, missing)
+        joined = self.of_polygons(name)
+        return joined and joined._replace(of=self.triangles.take(joined.of).ravel())
 
     def _joined(self, columns: Sequence[Column | None], missing: npt.ArrayLike = np.nan) -> PerCorner:
         """Columns of the parts by the corners of polygons (c,), `missing` of parts without."""
@@ -277,10 +277,6 @@ class Asset:
             values.append(own.astype(np.float64, copy=False))
             start += len(own)
         return PerCorner(values[0], of[0]) if len(of) == 1 else PerCorner(np.concatenate(values), np.concatenate(of))
-
-    def _on_faces(self, values: PerCorner) -> PerCorner:
-        """Values of the corners of polygons as those of the mesh's faces (3 m,)."""
-        return values._replace(of=self.triangles.take(values.of).ravel())
 
     @property
     def uv(self) -> Float64s | None:

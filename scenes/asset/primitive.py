@@ -199,7 +199,9 @@ class StoredBake:
 def known_columns(bake: Any) -> dict[str, Array]:
     """What files hold of a bake by its attributes, floats and bytes of flags, as far as it is known."""
     kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
-    return {name: values.astype(kind) for name, kind in kinds.items() if (values := getattr(bake, name)) is not None}
+    known = {name: values for name in kinds if (values := getattr(bake, name)) is not None}
+    with np.errstate(invalid="ignore", over="ignore"):  # of what a file has that is no bake's
+        return {name: values.astype(kinds[name]) for name, values in known.items()}
 
 
 def reverse_order(sizes: Array) -> Int64s:

@@ -29,10 +29,10 @@ from obscurance.raytrace import (
 )
 from obscurance.raytrace.errors import printable
 from obscurance.raytrace.lights.sources import BaseLight
-from obscurance.raytrace.mesh.corners import split_creases, split_hard_edges
+from obscurance.raytrace.mesh.corners import split_creases
 from obscurance.raytrace.mesh.warnings import lying_notes
 from obscurance.raytrace.scene import Shape
-from obscurance.raytrace.types import Float64s
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ..asset import material as stored
 from ..asset.asset import Asset, Node
@@ -44,7 +44,7 @@ from ..geometry.primitives import Origin, TexturedMesh
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, sun_and_sky, three_lights
 
 _COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
-Placed = tuple[Object, Origin | None]
+Placed = tuple[Object, Origin]
 
 
 def mesh_scene(source: Asset, settings: Settings, up: str | None = None, view: str | None = None) -> SceneDescription:
@@ -87,7 +87,7 @@ def placed(source: Asset) -> Iterator[Placed]:
 
     Raises: MeshError: it is malformed, or draws no triangles. SceneError: a texture cannot be used.
     """
-    shapes: dict[int, list[tuple[Shape, Origin | None]]] = {}
+    shapes: dict[int, list[tuple[Shape, Origin]]] = {}
     with parser_errors(source.path):
         _ = len(source.materials)  # to find what is malformed
         if all(part.is_flattened for part in source.parts):
@@ -116,13 +116,18 @@ def _shown(source: Asset) -> Asset:
 
 def _reflections(source: Asset) -> dict[int, Material]:
     """The reflection models of the materials that primitives have, by their numbers."""
-    used = {number for part in source.parts for number in np.unique(part.primitive.of_faces(part.primitive.material))}
+    used = {number for part in source.parts for number in _kinds(part.primitive.of_faces(part.primitive.material))}
     numbers = sorted(used - {-1})
     if source.is_scene:
         from .gltf_scene import gltf_materials
 
         return gltf_materials(source, numbers)
     return {number: reflection(source.material(number)) for number in numbers}
+
+
+def _kinds(numbers: Int64s) -> list[int]:
+    """The different ones of numbers from −2 on, ascending."""
+    return (np.flatnonzero(np.bincount(numbers + 2)) - 2).tolist()
 
 
 def reflection(material: stored.Material) -> Material:
@@ -136,49 +141,54 @@ def reflection(material: stored.Material) -> Material:
     )
 
 
-def _shapes(source: Asset, models: Mapping[int, Material]) -> Iterator[tuple[Shape, Origin | None]]:
+def _shapes(source: Asset, models: Mapping[int, Material]) -> Iterator[tuple[Shape, Origin]]:
     """The shapes of a file's only part, one for the faces of each material, those without its texture coordinates
     apart; and their origins in the file. Vertices are repeated at creases and where texture coordinates jump."""
     primitive = source.parts[0].primitive
     total = len(primitive.positions)
-    uv = source.per_corner("uv0") if any(material.texture for material in source.materials) else None
-    jumps = uv is not None and primitive.columns["uv0"].of is not None
-    split = split_creases(source.mesh, [uv]) if uv and jumps else split_hard_edges(source.mesh)
+    # The faces of each material, those without texture coordinates apart.
+    group = 2 * primitive.of_faces(primitive.material)
+    textures = {}
+    for number in _kinds(group // 2):
+        if found := source.looked_up(primitive, source.material(number).texture):
+            textures[number] = found
+            faces = np.flatnonzero(group == 2 * number)
+            group[faces] += ~np.isnan(found[0].values[primitive.rows(found[0])[faces]]).any(axis=(1, 2))
+    numbers = _kinds(group)
+    # Their vertices; where all are one shape that is split at creases alone, it does so itself.
+    first = primitive.columns.get("uv0") if textures else None
+    uv = source.per_corner("uv0") if first and first.of is not None else None
+    split = split_creases(source.mesh, [uv] if uv else []) if uv or len(numbers) > 1 else None
     mesh = split.mesh if split else source.mesh
     of = split.vertices if split else np.arange(total)
 
-    def at_vertices(column: Column) -> Float64s:
+    def at_vertices(column: Column, vertices: Int64s) -> Float64s:
         rows = of if split is None or column.of is None else primitive.rows(column).ravel()[split.like]
-        return column.values[rows]
+        return column.values[rows[vertices]]
 
     colours = primitive.shown_colours
-    # The faces of each material, those without texture coordinates apart.
-    group = 2 * primitive.of_faces(primitive.material)
-    used = {}
-    for number in np.unique(group // 2).tolist():
-        if looked_up := source.looked_up(primitive, source.material(number).texture):
-            used[number] = at_vertices(looked_up[0]), looked_up[1]
-            faces = np.flatnonzero(group == 2 * number)
-            group[faces] += ~np.isnan(used[number][0][mesh.faces[faces]]).any(axis=(1, 2))
-    numbers = np.unique(group).tolist()
     pieces = [(np.arange(len(of)), mesh)]
     if len(numbers) > 1:
         parts = ObjectSelection(mesh, np.ones(len(group), np.bool_), group).parts()
         pieces = [(vertices, piece) for vertices, _, piece in parts]
     for number, (vertices, piece) in zip(numbers, pieces, strict=True):
-        own_uv, texture = used[number // 2] if number % 2 else (None, None)
+        column, texture = textures[number // 2] if number % 2 else (None, None)
         occlusion = source.material(number // 2).occlusion
         at = source.looked_up(primitive, occlusion)
         bare = NEUTRAL if colours is None else WHITE
         shape = Shape(
             piece,
             models.get(number // 2, bare),
-            None if own_uv is None else own_uv[vertices],
+            None if column is None else at_vertices(column, vertices),
             texture,
-            Occlusion(at_vertices(at[0])[vertices], at[1], occlusion.strength) if at and occlusion else None,
+            Occlusion(at_vertices(at[0], vertices), at[1], occlusion.strength) if at and occlusion else None,
             colours=None if colours is None else colours[of[vertices]],
         )
-        yield shape, Origin(of[vertices], total) if split or len(numbers) > 1 else None
+        rows = of[vertices]
+        if shape.split:
+            shape, again = shape.split
+            rows = rows[again]
+        yield shape, Origin(rows, total)
         total = 0  # of further parts of the file
 
 

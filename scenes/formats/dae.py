@@ -5,7 +5,7 @@ which is taken for the exponent of Blinn–Phong. Format: COLLADA 1.4.1, chapter
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 from urllib.parse import unquote
@@ -29,8 +29,6 @@ def read_dae(mesh_input: MeshInput) -> Asset:
     """
     from collada import Collada
     from collada.common import DaeError
-    from collada.polylist import Polylist
-    from collada.triangleset import TriangleSet
 
     file = mesh_input.file
     if mesh_input.path.suffix.lower() == ".zae":
@@ -43,12 +41,7 @@ def read_dae(mesh_input: MeshInput) -> Asset:
     placed_elements = 0
     for placed in _placed(content.scene) if content.scene else ():
         shape = placed.original
-        # Primitives that share vertices are one mesh.
-        sets: dict[int, list[Any]] = {}
-        for piece in shape.primitives:
-            if isinstance(piece, Polylist | TriangleSet) and piece.vertex is not None:
-                sets.setdefault(id(piece.vertex), []).append(piece)
-        for pieces in sets.values():
+        for pieces in _sharing_vertices(shape.primitives):
             placed_elements += len(pieces[0].vertex) + sum(np.size(piece.vertex_index) for piece in pieces)
             check_copies(placed_elements, file.seek(0, os.SEEK_END), mesh_input.path)
             primitive = _primitive(pieces, mesh_input.source, unread)
@@ -69,6 +62,18 @@ def read_dae(mesh_input: MeshInput) -> Asset:
         mesh_input.path, tuple(primitives), tuple(nodes), tuple(materials),
         up=up, warnings=notes, unread=tuple(unread), pictures=pictures,
     )  # fmt: skip
+
+
+def _sharing_vertices(pieces: Iterable[Any]) -> Iterator[list[Any]]:
+    """The polygons and triangles of a geometry, together those that share vertices, which are one mesh."""
+    from collada.polylist import Polylist
+    from collada.triangleset import TriangleSet
+
+    sets: dict[int, list[Any]] = {}
+    for piece in pieces:
+        if isinstance(piece, Polylist | TriangleSet) and piece.vertex is not None:
+            sets.setdefault(id(piece.vertex), []).append(piece)
+    yield from sets.values()
 
 
 def _primitive(pieces: list[Any], source: str, unread: dict[str, None]) -> Primitive:

@@ -60,7 +60,7 @@ def _of_polygons(asset: Asset, row: FileFormat, colors: str) -> Iterator[str]:
         yield from (words for words in asset.unread if not words.startswith(kept))
     if asset.mesh.corner_normals and not is_obj:
         yield "normals of vertices that have several"
-    uv = asset.uv_of_polygons()
+    uv = asset.of_polygons("uv0", missing=(0, 1))
     if uv and "uv" in row.holds and not is_obj and not np.isfinite(uv.values).all():
         yield "texture coordinates, which some corners lack"
     if asset.materials and not is_ply and not asset.is_scene and not is_stored:

@@ -24,7 +24,8 @@ SOURCE_INDEX = "_SOURCE_INDEX"
 class Drawn(NamedTuple):
     """A primitive of a document.
 
-    Attributes: vertices: which of the mesh's vertices its own are. rows: of the mesh that is split at hard edges.
+    Attributes: vertices: which of the mesh's vertices its own are. rows: of the mesh that is split at hard edges, or of
+        a bake.
     """
 
     primitive: dict[str, Any]

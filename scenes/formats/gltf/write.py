@@ -39,9 +39,7 @@ def glb(bake: Bake, asset: Asset, channels: Channels) -> bytes:
     """
     builder, drawn = document(asset, bake, channels)
     if channels.ramp:
-        whole = len(asset.mesh.vertices)
-        shown = [(of.primitive, bake.w[of.vertices if len(bake.w) == whole else of.rows]) for of in drawn]
-        write_ramp(builder, shown, channels.replace)
+        write_ramp(builder, [(one.primitive, bake.w[one.rows]) for one in drawn], channels.replace)
     return builder.encode()
 
 
@@ -52,10 +50,11 @@ def document(asset: Asset, bake: Bake | None, channels: Channels = Channels()) -
     stored = Gltf(asset.path, builder.header, [bytes(builder.binary)]) if len(channels.colors) == 1 else None
     _add_up_axis_node(builder.header, up_axis(asset.mesh, channels.up), raw)
     if bake:
+        if len(bake.w) == len(asset.mesh.vertices):
+            drawn = [one._replace(rows=one.vertices) for one in drawn]
         for primitive, vertices, rows in drawn:
             colors = None if stored is None else stored_colors(stored, primitive["attributes"], len(vertices))
-            of = vertices if len(bake.w) == len(asset.mesh.vertices) else rows
-            builder.annotate(primitive, bake, of, channels.colors, colors)
+            builder.annotate(primitive, bake, rows, channels.colors, colors)
     return builder, drawn
 
 

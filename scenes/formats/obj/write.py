@@ -20,7 +20,7 @@ def obj(bake: Bake, asset: Asset, _: object) -> bytes:
     mesh = asset.mesh
     grey = np.repeat(encode_srgb(bake.w)[:, None], 3, axis=1).astype(np.float64).round(6)
     lines = ["# obscurance: 1 = open; r g b = obscurance as sRGB", *_lines("v", np.hstack([mesh.vertices, grey]))]
-    uv, of_uv = _numbered(asset.uv_of_polygons(missing=np.nan))
+    uv, of_uv = _numbered(asset.of_polygons("uv0"))
     of_vertices = None if mesh.normals is None else PerCorner(np.nan_to_num(mesh.normals), asset.corners)
     normals, of_normals = _numbered(of_vertices or asset.corner_normals)
     lines += [*_lines("vt", uv), *_lines("vn", normals)]

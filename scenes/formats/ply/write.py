@@ -79,7 +79,7 @@ def has_own_colors(asset: Asset) -> bool:
 
 def cuts_polygons(asset: Asset) -> bool:
     """Whether polygons for MeshLab become triangles: it opens none that have lists of texture coordinates."""
-    uv = asset.uv_of_polygons()
+    uv = asset.of_polygons("uv0", missing=(0, 1))
     if uv is None or (asset.sizes == 3).all():
         return False
     if isinstance(asset.raw, Ply):
@@ -162,7 +162,7 @@ def _elements(asset: Asset) -> tuple[Element, ...]:
         columns += [Property(axis, "f", column) for axis, column in zip(("nx", "ny", "nz"), normals.T, strict=True)]
     # Polygons, texture coordinates and colours.
     lists = []
-    uv = asset.uv_of_polygons()
+    uv = asset.of_polygons("uv0", missing=(0, 1))
     if uv and np.isfinite(uv.values).all():
         by_vertex = uv.at_vertices(asset.corners, len(mesh.vertices))
         if by_vertex is None:

@@ -112,10 +112,7 @@ def page_of_bake(bake: Bake | Values, mesh_file: Asset, channels: Channels) -> b
     """The page, everything in it."""
     name = mesh_file.path.name
     title = "standard input" if mesh_file.path.stem == PIPED else name
-    values = Values(
-        bake.w, bake.error, bake.flags, bake.bent_normals, bake.profile, name=title, permanent=channels.again,
-        warning=channels.warning, rmse=bake.rmse,
-    )  # fmt: skip
+    values = Values.of(bake, title, permanent=channels.again, warning=channels.warning)
     return html_of_bakes(mesh_file.baked_mesh(len(bake.w)), [values], title, channels.up, base_colour(mesh_file))
 
 
@@ -124,6 +121,6 @@ def framed_page(bake: Bake) -> str | None:
     if len(bake.mesh.vertices) > _MOST:
         return None
     name = Path(bake.mesh.source).name
-    values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, bake.profile, name=name, rmse=bake.rmse)
+    values = Values.of(bake, name)
     content = html.escape(html_of_bakes(bake.mesh, [values], name).decode())
     return f'<iframe srcdoc="{content}" width="100%" height="480" style="border: 0"></iframe>'

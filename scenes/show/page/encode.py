@@ -12,7 +12,7 @@ import gzip
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +28,7 @@ from ...asset.primitive import StoredBake
 from .base_colour import BaseColour, shrunk, uv_steps
 
 if TYPE_CHECKING:
-    from obscurance.ao import Profile
+    from obscurance.ao import Bake, Profile
 
 MOST = 65535
 _STEPS = 16  # of a page's half-distance, an octave
@@ -53,6 +53,11 @@ class Values(StoredBake):
     textures: TexturedW | None = None  # what shows w in place of the vertices
     permanent: str = 'baked.profile.at("{}")'  # the command that bakes a half-distance, which "{}" stands for
     warning: str = ""  # about the result, said first
+
+    @classmethod
+    def of(cls, bake: Bake | StoredBake, name: str, **more: Any) -> Self:
+        """The values of a bake."""
+        return cls(bake.w, bake.error, bake.flags, bake.bent_normals, bake.profile, bake.rmse, name=name, **more)
 
     def checked(self, count: int) -> Values:
         """The values as float64 and uint8 arrays of `count` vertices. Raises: OptionError: one of another length."""

@@ -79,8 +79,7 @@ def _values(path: Path, count: int, source: Asset | None) -> Values:
         textures = _textures(source)
     target = path.with_name(f"{path.stem}-falloff{'.glb' if path.suffix.lower() == '.gltf' else path.suffix}").name
     permanent = f"obscurance falloff {quote(path.name)} --half-distance {{}} -o {quote(target)}"
-    values = Values(**vars(stored.first(count)), name=path.name, textures=textures, permanent=permanent)
-    return values.checked(count)
+    return Values.of(stored.first(count), path.name, textures=textures, permanent=permanent).checked(count)
 
 
 def _textures(source: Asset | None) -> TexturedW | None:

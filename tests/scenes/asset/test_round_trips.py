@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import validator
-from command import obscurance, succeeded
+from command import obscurance, refused, succeeded
 from gltf_files import QUAD, Builder
 from mesh_files import rich_ply
 from pages import facts_of
@@ -202,6 +202,17 @@ def test_columns_of_a_ply_that_are_called_as_those_of_a_bake_are_the_files_own(f
     assert asset.baked is None
     write(folder / "o2.ply", made(6), load(folder / "o.ply", "o2.ply"))
     np.testing.assert_array_equal(load(folder / "o2.ply").numbers["error"], asset.numbers["error"])
+
+
+def test_strange_numbers_are_passed_on_without_a_warning_of_python(folder):
+    names = ["x", "y", "z", "obscurance", "obscurance_error", "obscurance_flags"]
+    header = ["ply", "format ascii 1.0", "element vertex 3", *(f"property double {name}" for name in names)]
+    header += ["element face 1", "property list uchar int vertex_indices", "end_header"]
+    rows = ["0 0 0 .5 1e300 nan", "1 0 0 .5 nan 1e9", "0 1 0 .5 0 -3", "3 0 1 2"]
+    (folder / "strange.ply").write_text("\n".join([*header, *rows, ""]))
+    for ending in ("npz", "ply", "glb", "vtp"):
+        load(folder / "strange.ply").save(folder / f"strange_out.{ending}")
+    refused(obscurance("view", folder / "strange.ply"), "error: expected numbers in [0, 100], got 1e+300")
 
 
 def test_attributes_of_other_shapes_are_no_bake(folder):
