@@ -26,6 +26,7 @@ _LAPLACIAN_WEIGHT = 1e-7
 _RELAXED = 1 / 16
 _STEP = 4.0
 _NEAR = 2e-5  # of the values fitted to either half, in the mean
+_BENT = 1e-5  # of bent normals: where R outweighs the data, residuals of linear functions are small
 _SMOOTHEST, _ROUGHEST = 4, -10
 _RUNS, _RUN = 32, 1 << 13  # stretches of faces in Morton order, and faces in each, that stand for all of many more
 
@@ -124,7 +125,7 @@ def fit_values(problems: list[Problem], trials: list[Problem], cached: Cached) -
         closed = cached(f"closed {column}", partial(solve_within, matrix, right, start, threads=threads))
         if column == 0:
             for axis, side in enumerate(problem.bent):
-                bent[axis] = cached(f"bent {axis}", partial(solve, matrix, side, bent[axis], None, COARSE, threads))
+                bent[axis] = cached(f"bent {axis}", partial(solve, matrix, side, bent[axis], None, _BENT, threads))
 
         # With less regularisation: how far it moves values counts as their bias.
         del matrix  # to make room for the next

@@ -1,9 +1,10 @@
 """Rays that start below the face that they leave, where the hemisphere is not about its normal.
 
 They end on that face at once. Where the axis is an interpolated normal of a smooth surface, of which the face is an
-approximation, they say nothing of the surroundings: they are left out, so that convex surfaces are open, however coarse. By as much as the axis leans away
-from that surface, they are closed. What share of directions is below is known: estimates are divided by no estimate.
-Where the face has an alpha, that part of them ends there; the rest counts as other rays do.
+approximation, they say nothing of the surroundings: they are left out, so that convex surfaces are open, however
+coarse. By as much as the axis leans away from that surface, they are closed. What share of directions is below is
+known: estimates are divided by no estimate. Where the face has an alpha, that part of them ends there; the rest counts
+as other rays do.
 """
 
 import numpy as np

@@ -245,7 +245,7 @@ def test_what_nobody_sees_counts_for_nothing_in_the_estimated_rmse(samples):
     bakes = [bake_surface(mesh, ao.Binary(), samples=samples, seed=seed) for seed in range(4)]
     true = np.sqrt(np.mean([(baked.w - dense)[in_sight] ** 2 for baked in bakes]))
     estimated = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
-    assert true / 1.3 < estimated < true * 1.8
+    assert true / 1.3 < estimated < true * 2
 
 
 @pytest.mark.parametrize("samples", [64, 512])

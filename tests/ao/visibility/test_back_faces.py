@@ -105,7 +105,7 @@ def test_other_processes_let_rays_through():
 @pytest.mark.parametrize("falloff", ["binary", "exponential"])
 @pytest.mark.parametrize("alpha", [None, 0.3])
 def test_the_surface_method(falloff, alpha):
-    options = {"samples": 2048, "method": "surface", "back_faces": "ignore"}
+    options = {"samples": 1 << 14, "method": "surface", "back_faces": "ignore"}
     squares = (0.2, 0.9, False), (0.3, 0.9, False), (HEIGHT, 0.5, True)
     both, alone, behind = (
         ao.bake(over_floor(*some, alpha=alpha), falloff, **options).w[: len(FLOOR)]
@@ -113,7 +113,7 @@ def test_the_surface_method(falloff, alpha):
     )
     assert (behind == 1).all()
     assert np.allclose(both, alone, atol=0.02)
-    seen = ao.bake(over_floor(squares[2], alpha=alpha), falloff, samples=2048, method="surface").w[: len(FLOOR)]
+    seen = ao.bake(over_floor(squares[2], alpha=alpha), falloff, samples=1 << 14, method="surface").w[: len(FLOOR)]
     assert np.allclose(alone, seen, atol=0.02)
     assert alone.min() < (0.7 if alpha is None else 0.9)
 
