@@ -163,8 +163,8 @@ def _keep_mean(sites: Sites, raw: AnyFloats, w: Float64s, error: Float64s) -> No
     """
     np.clip(w, 0, 1, out=w)
     share = np.sqrt(error) * (w != raw)
-    missing = float(sites.counts @ (raw - w))
-    w += share * (missing / max(float(sites.counts @ share), 1e-300))
+    missing = float(np.sum(sites.counts * (raw - w)))
+    w += share * (missing / max(float(np.sum(sites.counts * share)), 1e-300))
 
 
 def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint32) -> tuple[list[Round], Int64s]:
