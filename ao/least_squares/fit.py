@@ -78,22 +78,26 @@ class Fit(NamedTuple):
     in_sight: Float64s  # (k,), the part of the surface around each that is, from 0 to 1
 
 
-def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[list[Problem], list[Problem]]:
-    """The least squares problems of a patch by each falloff, and others small enough to be solved many times, for
-    choosing α: parts of them, or the same."""
+def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[list[Problem], Problem]:
+    """The least squares problems of a patch by each falloff, and one small enough to be solved many times, for choosing
+    α: a part of the first, or the same."""
     diagonal = np.array([0, 3, 5])
     trace = sum(float(moments[:, column].sum()) for column in (*diagonal, *(MATRIX + diagonal)))
     laplacian = _LAPLACIAN_WEIGHT * trace / max(float(patch.areas.sum()), 1e-300) * patch.areas
     problems = _build_problems(patch, moments, laplacian, threads)
     if len(moments) <= 2 * _RUNS * _RUN:
-        return problems, problems
+        return problems, problems[0]
     starts = np.arange(_RUNS) * (len(moments) - _RUN) // (_RUNS - 1)
     trial_faces = (starts[:, None] + np.arange(_RUN)).ravel()
-    return problems, _build_problems(patch.part(trial_faces), moments[trial_faces], laplacian[trial_faces], threads)
+    part = patch.part(trial_faces)
+    return problems, _build_problems(part, moments[trial_faces], laplacian[trial_faces], threads)[0]
 
 
-def fit_values(problems: list[Problem], trials: list[Problem], cached: Cached) -> Fit:
-    """Fit 1 − w, so that where nothing is closed w is exactly 1; `cached` is called with what is long to compute."""
+def fit_values(problems: list[Problem], trial: Problem, cached: Cached) -> Fit:
+    """Fit 1 − w, so that where nothing is closed w is exactly 1; `cached` is called with what is long to compute.
+
+    All falloffs have the α that suits the first: others of their own err as much.
+    """
     problem = problems[0]
     even, odd = problem.halves
     threads = problem.threads
@@ -102,25 +106,22 @@ def fit_values(problems: list[Problem], trials: list[Problem], cached: Cached) -
     w = np.empty((len(area), len(problems)))
     error = np.empty_like(w)
     bent = np.zeros((3, len(area)))
-    for column, (problem, trial) in enumerate(zip(problems, trials, strict=True)):
 
-        def fit_halves(problem: Problem = problem, trial: Problem = trial) -> Float64s:
-            """The regularisation α, then the fits (n,) to both halves of the samples."""
-            alpha, fits = cross_validated(trial, _constant_fit(trial))
-            if trial is not problem:
-                fits = [problem.fit(half, alpha, _constant_fit(problem)) for half in problem.halves]
-            return np.concatenate([[alpha], *fits])
+    def fit_halves(problem: Problem) -> Float64s:
+        """The fits (n,) to both halves of the samples, one after the other."""
+        return np.concatenate([problem.fit(half, alpha, _constant_fit(problem)) for half in problem.halves])
 
+    alpha = float(cached("alpha", lambda: np.array([cross_validated(trial, _constant_fit(trial))[0]]))[0])
+    for column, problem in enumerate(problems):
         # The fits to either half of the samples: their difference measures the noise of the fit to both.
-        found = cached(f"halves {column}", fit_halves)
-        alpha, of_even, of_odd = np.split(found, [1, 1 + len(area)])
+        of_even, of_odd = np.split(cached(f"halves {column}", partial(fit_halves, problem)), 2)
         squared = (np.clip(of_even, 0, 1) - np.clip(of_odd, 0, 1)) ** 2 / 4
         variance = _local_mean(problem.stencil, data, squared, area, threads)
 
         # The fit to all samples.
         even, odd = problem.halves
         right = even.right + odd.right
-        matrix = problem.system(data, alpha[0])
+        matrix = problem.system(data, alpha)
         start = (of_even + of_odd) / 2
         closed = cached(f"closed {column}", partial(solve_within, matrix, right, start, threads=threads))
         if column == 0:
@@ -129,7 +130,7 @@ def fit_values(problems: list[Problem], trials: list[Problem], cached: Cached) -
 
         # With less regularisation: how far it moves values counts as their bias.
         del matrix  # to make room for the next
-        matrix = problem.system(data, alpha[0] * _RELAXED)
+        matrix = problem.system(data, alpha * _RELAXED)
         relaxed = cached(f"relaxed {column}", partial(solve_within, matrix, right, closed, COARSE, threads))
         w[:, column] = 1 - closed
         error[:, column] = np.sqrt(variance + (closed - relaxed) ** 2)

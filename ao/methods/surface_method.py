@@ -81,7 +81,7 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Gathered]:
     gathered = gather_moments(prepared, patch, rays)
     if prepared.progress:
         prepared.progress(0, 1, "fit")
-    problems, trials = build_problems(patch, gathered.moments, prepared.threads)
+    problems, trial = build_problems(patch, gathered.moments, prepared.threads)
     gathered = gathered._replace(moments=gathered.moments[:0])
     del patch
 
@@ -89,4 +89,4 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Gathered]:
         """As `Kept.cached`, by a name that tells fits of other numbers of rays apart."""
         return checkpoint.cached(f"{name}, {rays} rays", compute)
 
-    return fit_values(problems, trials, cached), gathered
+    return fit_values(problems, trial, cached), gathered

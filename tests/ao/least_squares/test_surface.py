@@ -248,29 +248,31 @@ def test_what_nobody_sees_counts_for_nothing_in_the_estimated_rmse(samples):
     assert true / 1.3 < estimated < true * 2
 
 
-@pytest.mark.parametrize("samples", [64, 512])
-def test_several_falloffs_are_each_fitted_as_alone(samples):
-    """The same rays and points; e^(−τd) may be rounded otherwise, as it is the square of another column's."""
-    mesh = buried()
+def test_several_falloffs_are_each_fitted_as_alone():
+    """The same rays and points, but the smoothing that suits the first."""
+    mesh = Mesh(*hills(20))
     falloffs = [ao.Binary(), ao.Exponential(tau=2.0), ao.Exponential(tau=1.0), ao.Binary(max_distance=0.3)]
-    together = bake_surface(mesh, falloffs, samples=samples)
+    together = bake_surface(mesh, falloffs, samples=1024)
     assert together.values.shape == (len(mesh.vertices), len(falloffs))
+    assert len(together.rmses) == len(falloffs)
     for column, falloff in enumerate(falloffs):
-        alone = bake_surface(mesh, falloff, samples=samples)
-        np.testing.assert_allclose(together.values[:, column], alone.w, atol=1e-5)
-        np.testing.assert_allclose(together.errors[:, column], alone.error, atol=1e-4)
-        assert together.rmses[column] == pytest.approx(alone.rmse, rel=1e-3)
+        alone = bake_surface(mesh, falloff, samples=1024)
         assert together.rays == alone.rays
+        off = np.sqrt(np.mean((together.values[:, column] - alone.w) ** 2))
+        assert off < (1e-6 if column == 0 else alone.rmse)
+        dense = bake_surface(mesh, falloff, samples=1 << 15, seed=9).w
+        true = np.sqrt(np.mean((together.values[:, column] - dense) ** 2))
+        assert true / 1.4 < together.rmses[column] < 2 * true
 
 
 def test_a_profile_of_a_sphere_follows_its_closed_form():
     """1 − 2[1 − (1+a)e^(−a)]/a², a = 2τR, at each half-distance, to a tolerance of the worst of them."""
-    vertices, faces = icosphere(4)
+    vertices, faces = icosphere(3)
     baked = bake_surface(Mesh(vertices, faces[:, ::-1]), profile=True, tolerance=0.01)
     a = 2 * np.log(2) / baked.profile.half_distances
     exact = 1 - 2 * (1 - (1 + a) * np.exp(-a)) / a**2
     assert np.ptp(exact) > 0.6
-    np.testing.assert_allclose(baked.profile.values, np.broadcast_to(exact, (len(vertices), 10)), atol=0.002)
+    np.testing.assert_allclose(baked.profile.values, np.broadcast_to(exact, (len(vertices), 10)), atol=0.01)
     assert max(baked.rmses) <= 0.01
 
 
