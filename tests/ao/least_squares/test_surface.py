@@ -289,7 +289,7 @@ def test_interior_says_what_buried_vertices_get():
 
 
 def test_faces_that_nobody_sees_are_filled_from_visible_ones_or_flagged():
-    mesh, in_sight = sunk()
+    mesh, in_sight, _ = sunk()
     auto, marked, filled = (
         bake_surface(mesh, ao.Binary(), samples=256, interior=each) for each in ("auto", "mark", "fill")
     )
