@@ -22,6 +22,7 @@ _VERTEX, _POINT, _FACE = 40, 190, 100
 TRACED = 190  # of a point, what is taken once the vertices are welded
 _CORNER, _COLUMN = 450, 80
 _SURFACE, _SURFACE_VERTEX, _SURFACE_FACE = 64 << 20, 72, 750  # the first is SciPy and blocks on their way to disk
+_SURFACE_COLUMN = 64  # of a face
 _LAYOUT, _TEXTURED_FACE = 730, 390  # a face on the page while seams are sought; while texels are traced
 _TEXEL, _COVERED_TEXEL = 40, 130
 TRACED_TEXEL = 300  # beside that, of each to trace rays at
@@ -35,7 +36,8 @@ def bytes_at_vertices(meshes: Sequence[Mesh], options: Options, points: int | No
     """
     vertices, faces = _counts(meshes)
     if options.method == "surface":
-        return _opacity_bytes(meshes) + surface_bytes(vertices, faces)
+        columns = column_bytes(vertices, options.columns) + _SURFACE_COLUMN * faces * (options.columns - 1)
+        return _opacity_bytes(meshes) + columns + surface_bytes(vertices, faces)
     columns = column_bytes(vertices if points is None else points, options.columns)
     return _opacity_bytes(meshes) + columns + vertex_bytes(vertices, faces, options.rays, points)
 

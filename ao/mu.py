@@ -135,9 +135,12 @@ class Mu(NamedTuple):
 
 def in_render_space(mus: Sequence[Mu], scale: float) -> KernelMu:
     """One falloff as kernels take it, or columns of several, for lengths multiplied by `scale`."""
+    return mus[0].in_render_space(scale) if len(mus) == 1 else columns_in_render_space(mus, scale)
+
+
+def columns_in_render_space(mus: Sequence[Mu], scale: float) -> KernelMu:
+    """Columns of falloffs, or of one, for lengths multiplied by `scale`."""
     placed = [mu.in_render_space(scale) for mu in mus]
-    if len(placed) == 1:
-        return placed[0]
     taus, limits, scales = np.array([[mu.tau, mu.limit, mu.scale] for mu in placed]).T.copy()
     squares = np.array([*(tau == 2 * after > 0 for tau, after in pairwise(taus)), False])
     starts = np.cumsum([0, *(len(mu.values) for mu in placed)])

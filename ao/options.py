@@ -187,12 +187,6 @@ class VertexOptions(Options):
             return
         if self.at == "faces":
             raise ConflictError(("at", "faces"), "does not go with", ("method", "surface"))
-        for name in ("interior", "back_faces"):
-            if getattr(self, name) != getattr(Options, name):
-                raise ConflictError((name, getattr(self, name)), "does not go with", ("method", "surface"))
-        if self.profile or len(self.falloffs) > 1:
-            several = "profile" if self.profile else "a list of falloffs"
-            raise ConflictError(several, "does not go with", ("method", "surface"))
 
 
 @options_record

@@ -286,7 +286,8 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
     errors = [error, *(column for table in spread[1:] for column in table.T)]
     rmses = tuple(float(np.sqrt(np.sum(column**2) / max(wanted, 1))) for column in errors)
     if values.in_sight is not None:
-        rmses = (rms(values.error, values.in_sight),)
+        errors = [values.error, *(column for table in values.others[1:] for column in table.T)]
+        rmses = tuple(rms(column, values.in_sight) for column in errors)
     elements_skipped = {
         "duplicate": int(np.count_nonzero(point >= 0)) - len(normals),
         "no_normal": int(np.count_nonzero(flags & (Flag.UNREFERENCED | Flag.DEGENERATE))),

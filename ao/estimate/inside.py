@@ -5,21 +5,32 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from obscurance.raytrace.embree import DIR_X, GEOM_ID, INVALID, LANES, NG_X, PRIM_ID, intersect8
+from obscurance.raytrace.embree import (
+    DIR_X,
+    GEOM_ID,
+    INVALID,
+    LANES,
+    NG_X,
+    ORG_X,
+    PRIM_ID,
+    TFAR,
+    intersect8,
+    new_packet,
+)
 from obscurance.raytrace.kernel.jit import inline, kernel
+from obscurance.raytrace.kernel.vector import column
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.solids import closed_parts
 from obscurance.raytrace.mesh.weld import coincident, connected_components
 from obscurance.raytrace.system.parallel import parallel
 from obscurance.raytrace.system.threads import run_blocks
-from obscurance.raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int64s
+from obscurance.raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int32s, Int64s
 
 from ..options import Interior
 from ..points.points import PointArrays, Points
 from ..points.receivers import Receivers
 from ..rays.directions import DirectionTable, choose, turned_frame
-from ..rays.ray_packet import RayPacket, aim, start_from
 
 RAYS = 16
 _KEY = np.uint32(0x51DE)
@@ -67,7 +78,7 @@ def inside_solids(
     def work(start: int, stop: int) -> None:
         some = candidates[start:stop]
         solids = hiding, own_part[some], placement.diagonal
-        _find_hidden(RayPacket.of(scene), points[some].arrays, table, solids, hidden[start:stop])
+        _find_hidden(scene.handle, new_packet(), points[some].arrays, table, solids, hidden[start:stop])
 
     run_blocks(len(candidates), _BLOCK, work, threads, most=_MOST)
     inside[candidates] = hidden
@@ -93,7 +104,12 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
 
 @kernel
 def _find_hidden(
-    packet: RayPacket, points: PointArrays, table: DirectionTable, solids: tuple[Int64s, Int64s, float], hidden: Bools
+    scene: np.uint64,
+    packet: tuple[Float32Rows, Int32s],
+    points: PointArrays,
+    table: DirectionTable,
+    solids: tuple[Int64s, Int64s, float],
+    hidden: Bools,
 ) -> None:
     """Whether over half of each point's rays end on the back of a face, bool (k,); no more are traced than decide.
 
@@ -101,20 +117,24 @@ def _find_hidden(
         hide it; the rays' length.
     """
     of_face, of_point, reach = solids
-    rays, directions = packet.rays, table.directions
+    (rays, valid), directions = packet, table.directions
     samples = directions.shape[2]
     ids = rays.view(np.uint32)
     for i in range(len(points.origins)):
         chosen, turn = choose(points.numbers[i], table)
         n = points.normals[i]
         t, b = turned_frame(n, turn)
-        start_from(rays, points.origins[i])
         count = np.int64(0)
         for first_ray in range(0, samples, LANES):
             if 2 * count > samples or 2 * (count + samples - first_ray) <= samples:
                 break
-            aim(rays, directions[chosen], first_ray, t, b, n, reach)
-            intersect8(packet.scene, rays, packet.valid)
+            for lane in range(LANES):
+                x, y, z = column(directions[chosen], 0, 1, first_ray + lane)
+                for axis in range(3):
+                    rays[ORG_X + axis, lane] = points.origins[i, axis]
+                    rays[DIR_X + axis, lane] = x * t[axis] + y * b[axis] + z * n[axis]
+                rays[TFAR, lane] = reach
+            intersect8(scene, rays, valid)
             for lane in range(LANES):
                 if ids[GEOM_ID, lane] == INVALID:
                     continue

@@ -35,6 +35,7 @@ class Hemispheres:
     mu: KernelMu
     t_max: float
     leap: int = 1  # how many points share a lattice of directions
+    sides: bool = False  # whether rows are `WIDER`
     block_rays: ClassVar = 1 << 11
 
     def __len__(self) -> int:
@@ -76,7 +77,7 @@ class Hemispheres:
             try:
                 rays, state = idle.pop()
             except IndexError:
-                rays = Rays.of(table)
+                rays = Rays.of(table, self.sides)
                 state = TraversalState.of(tree, AlphaHits.of(scene.opacity, rays.t_hit.size, mu))
             gather_hemispheres(tree, rays, state, points.arrays, table, mu, t_max, out)
             idle.append((rays, state))

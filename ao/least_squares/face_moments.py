@@ -8,31 +8,33 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from obscurance.raytrace.embree import DIR_X, DIR_Y, DIR_Z, LANES
 from obscurance.raytrace.kernel.jit import inline, kernel
-from obscurance.raytrace.kernel.vector import add, divide, dot, length, load, scale
+from obscurance.raytrace.kernel.vector import add, divide, dot, length, load, scale, store, subtract
 from obscurance.raytrace.mesh.placement import ULP
 from obscurance.raytrace.ray_origins.origins import OFFSET_ULPS
-from obscurance.raytrace.sampling import cosine_hemisphere, hash32
-from obscurance.raytrace.types import Float32Grid, Float32s, Float64Grid, Float64Rows, Float64s, Int64Rows, Int64s
+from obscurance.raytrace.types import (
+    Float32Grid,
+    Float64Grid,
+    Float64Rows,
+    Float64s,
+    Int64Rows,
+    Int64s,
+)
 
-from ..mu import KernelMu
+from ..points.points import PointArrays
 from ..points.smooth_surface import leaning
-from ..rays.below_face import share_below
-from ..rays.directions import turned_frame
-from ..rays.ray_packet import RayPacket, aim, backface_share, mu_of, new_alpha_rows, start_from, trace
+from ..rays.below_face import shares_below
+from ..rays.directions import number_in_run
+from ..rays.gather import BEHIND, BELOW, BENT, W
 
-HIDDEN = 1e-4  # weight of a sample that sees backs of faces; not 0, so that hidden faces have a value too
+MATRIX, OPEN, FALLOFF = 6, 12, 21  # columns: of each half of the samples, of all, and where those by falloffs begin
+SQUARES, RIGHT, HALF = 0, 1, 4  # of these, for each half
+TRACED, BELOW_FACE, SEEN = 0, 1, 2
+
 _MOSTLY = 0.5
-SQUARES, MATRIX, RIGHT, HALF = 0, 1, 7, 10  # columns of either half of the samples, and their number
-BENT = 2 * HALF
-MOMENTS = BENT + 9
-TRACED, BELOW, SEEN = 0, 1, 2
-
+_ODD = np.uint32(1 << 31)
 _GOLDEN = 0.6180339887498949
 _EVEN = 0.2  # a fifth more samples, the same number for every face, so that small faces have some
-_SHIFTS = 256
-_PLASTIC = 1 / 1.324717957244746  # Roberts 2018: n·(1/p, 1/p²) mod 1, p³ = p + 1, is a sequence of low discrepancy
 
 
 class Samples(NamedTuple):
@@ -59,17 +61,18 @@ class Samples(NamedTuple):
         return cls(shift, ends, starts, share / np.diff(ends))
 
 
-def lattices(rays: int, cone: float) -> Float32s:
-    """Fibonacci lattices of `rays` cosine-weighted directions about +z, shifted in height: (256, 3, rays).
+class Faces(NamedTuple):
+    """m faces on which samples lie; see `Patch`."""
 
-    They are ordered by azimuth, which keeps a packet's rays together. Args: cone: sin² of the largest angle to +z.
-    """
-    number = np.arange(rays)
-    azimuth = number * _GOLDEN % 1
-    order = np.argsort(azimuth)
-    shift = (np.arange(_SHIFTS)[:, None] + 0.5) / _SHIFTS
-    heights = (number[order] + shift) / rays
-    return cosine_hemisphere(heights * cone, np.broadcast_to(azimuth[order], heights.shape)).astype(np.float32)
+    corners: Float64Grid
+    normals: Float64Rows
+    axes: Float32Grid
+    smooth: Float32Grid
+
+
+def columns(falloffs: int) -> int:
+    """Columns of the moments by so many falloffs; see `add_moments`."""
+    return FALLOFF + 2 * HALF * falloffs
 
 
 @inline
@@ -78,23 +81,6 @@ def sample_barycentric(k, shift, begin, end):
     s = np.sqrt(min(max((k + shift - begin) / (end - begin), 0.0), 1.0))
     v = (k * _GOLDEN) % 1.0
     return 1.0 - s, s * (1.0 - v), s * v
-
-
-@inline
-def _draw_rays(k, drawn, n):
-    """Sample `k`'s lattice of directions about +z, and the frame about a normal that they are turned into.
-
-    Neighbours complement one another, even and odd samples are independent. Args: drawn: as of `gather_faces`.
-    """
-    directions, key, _ = drawn
-    chance = np.uint32(key + np.uint32(k & 1))
-    shift_of_lattice = hash32(chance) / 4294967296.0
-    shift_of_turn = hash32(hash32(chance)) / 4294967296.0
-    rank = k >> 1
-    lattice = int((rank * _PLASTIC + shift_of_lattice) % 1.0 * _SHIFTS)
-    turn = 2.0 * np.pi * ((rank * (_PLASTIC * _PLASTIC) + shift_of_turn) % 1.0)
-    t, u = turned_frame(n, turn)
-    return directions[lattice], (t, u, n)
 
 
 @inline
@@ -112,58 +98,36 @@ def _interpolated(vectors, b):
 
 
 @kernel
-def gather_faces(
-    packet: RayPacket,
-    faces: tuple[Float64Grid, Float64Rows, Float32Grid, Float32Grid],
-    samples: Samples,
-    drawn: tuple[Float32Grid, np.uint32, float],
-    falloff: KernelMu,
-    reach: float,
-    moments: Float64Rows,
-    counts: Int64Rows,
+def place_samples(
+    first: int, stop: int, faces: Faces, samples: Samples, points: PointArrays, cosines: Float64Rows
 ) -> None:
-    """Gather the moments of n faces.
+    """Place the samples from `first` to `stop`, of the faces that `samples` are spread over, lifted off these.
 
-    Args:
-        faces: `Moments.faces`. drawn: `lattices`, the key by which samples draw them, and the lattices' cone. reach:
-            length of every ray.
-        moments: (n, 29), added to: for the even and for the odd samples Σ y² of y = 1 − w, the upper triangle of
-            Σ b bᵀ, and Σ b y; for all Σ b ȳ_x, Σ b ȳ_y, Σ b ȳ_z, with ȳ the mean of μ·direction; weighted.
-        counts: (n, 3), added to: rays traced, rays below the face, samples that are not hidden.
+    Even and odd samples are numbered by themselves, so that their directions are independent.
+
+    Args: points: written. cosines: (n, 2), written: between the axis of each sample and its face's normal, and between
+        the axis and the surface's normal, below which directions are closed.
     """
-    corners, normals, axes, smooth = faces
-    cone = drawn[2]
-    alpha_rows = new_alpha_rows(packet.opacity)
-    values = np.zeros(4)
-    b = np.zeros(3)
-    side = np.zeros(3)
-    for f in range(len(corners)):
-        g = normals[f]
-        lift = _offset(corners[f], g)
-        for k in range(samples.starts[f], samples.starts[f + 1]):
-            # The sample's point, lifted off the face on the side of its shading normal.
-            b[0], b[1], b[2] = sample_barycentric(k, samples.shift, samples.ends[f], samples.ends[f + 1])
-            n = _shading_normal(axes[f], b, g)
-            is_own = (axes[f] == smooth[f]).all()
-            _start_on(packet.rays, corners[f], b, -1.0 if is_own and dot(n, g) < 0.0 else 1.0, g, lift, side)
-            # Its rays, less those below the face.
-            local, frame = _draw_rays(k, drawn, n)
-            traced, behind = _trace_above(packet, alpha_rows, local, frame, (side, lift), falloff, reach, values)
-            counts[f, TRACED] += traced
-            counts[f, BELOW] += local.shape[1] - traced
-            rays = np.float64(traced)
-            if not is_own:  # those that the surface closes count, too
-                closed = share_below(leaning(n, (side[0], side[1], side[2]), _interpolated(smooth[f], b)), cone)
-                rays = local.shape[1] * (1.0 - max(share_below(dot(n, side), cone) - closed, 0.0))
-                values[0] += local.shape[1] * closed
-            if rays == 0.0:
-                continue
-            # What they are part of: a sample that mostly sees backs of faces is hidden, and counts for little.
-            hidden = behind > _MOSTLY * traced
-            counts[f, SEEN] += not hidden
-            values /= rays
-            weight = samples.weights[f] * HIDDEN if hidden else samples.weights[f]
-            _add_moments(moments[f], (k & 1) * HALF, weight, b, values)
+    f = 0
+    for k in range(first, stop):
+        while samples.starts[f + 1] <= k:
+            f += 1
+        i = k - first
+        # The sample's point, lifted off the face on the side of its shading normal.
+        b = sample_barycentric(k, samples.shift, samples.ends[f], samples.ends[f + 1])
+        n = _shading_normal(faces.axes[f], b, faces.normals[f])
+        is_own = (faces.axes[f] == faces.smooth[f]).all()
+        side = load(faces.normals, f)
+        if is_own and dot(n, side) < 0.0:
+            side = scale(-1.0, side)
+        place = _interpolated(faces.corners[f], b)
+        store(points.origins, i, add(place, scale(_offset(faces.corners[f], side), side)))
+        store(points.lifts, i, subtract(load(points.origins, i), place))
+        store(points.normals, i, n)
+        store(points.fronts, i, side)
+        points.numbers[i] = number_in_run(k >> 1) | _ODD * np.uint32(k & 1)
+        cosines[i, 0] = dot(n, side)
+        cosines[i, 1] = 1.0 if is_own else leaning(n, side, _interpolated(faces.smooth[f], b))
 
 
 @inline
@@ -176,58 +140,53 @@ def _offset(corners, g):
     return OFFSET_ULPS * ULP * (abs(g[0]) + abs(g[1]) + abs(g[2])) * largest
 
 
-@inline
-def _start_on(rays, corners, b, front, g, lift, side):
-    """Let rays start at barycentrics `b` of a face, lifted along `side`, which becomes `front` times its normal `g`."""
-    for axis in range(3):
-        side[axis] = front * g[axis]
-    x = b[0] * corners[0, 0] + b[1] * corners[1, 0] + b[2] * corners[2, 0]
-    y = b[0] * corners[0, 1] + b[1] * corners[1, 1] + b[2] * corners[2, 1]
-    z = b[0] * corners[0, 2] + b[1] * corners[1, 2] + b[2] * corners[2, 2]
-    start_from(rays, (x + lift * side[0], y + lift * side[1], z + lift * side[2]))
+@kernel
+def add_moments(
+    first: int,
+    samples: Samples,
+    gathered: Float64Grid,
+    cosines: Float64Rows,
+    directions: tuple[int, float],
+    hidden_weight: float,
+    moments: Float64Rows,
+    counts: Int64Rows,
+) -> None:
+    """Add samples from `first` on to the moments of their faces.
 
-
-@inline
-def _trace_above(packet, alpha_rows, local, frame, lifted, falloff, reach, values):
-    """Trace rays above a face: how many, and how many hit backs; `values`: Σ 1 − μ, Σ μ·direction.
-
-    Args: lifted: the face's normal on the side that it is seen from, and how far along this rays start.
+    Args:
+        gathered: (n, k, WIDER), rows of the samples by k falloffs. cosines: of `place_samples`.
+        directions: how many each sample has, and sin² of the largest angle to its axis. hidden_weight: of samples more
+            than half of whose rays end on backs of faces.
+        moments: (m, columns), added to: for the even and for the odd samples the upper triangle of Σ b bᵀ, b being
+            barycentric coordinates; Σ b · (mean of μ·direction) by the first falloff, axis by axis; then for each
+            falloff, for the even and for the odd samples, Σ y² and Σ b y of y = 1 − w; all weighted by area.
+        counts: (m, 3), added to: rays traced, rays left out below the face, samples that are not hidden.
     """
-    rays = packet.rays
-    valid = packet.valid
-    t, u, n = frame
-    side, away = lifted
-    lift = (away * side[0], away * side[1], away * side[2])
-    values[:] = 0.0
-    traced = 0
-    behind = 0.0
-    for start in range(0, local.shape[1], LANES):
-        aim(rays, local, start, t, u, n, reach)
-        for lane in range(LANES):
-            height = rays[DIR_X, lane] * side[0] + rays[DIR_Y, lane] * side[1] + rays[DIR_Z, lane] * side[2]
-            valid[lane] = -1 if height > 0.0 else 0
-            traced -= valid[lane]
-        trace(packet, True, falloff, reach, lift, alpha_rows)
-        for lane in range(LANES):
-            if valid[lane] == 0:
-                continue
-            behind += backface_share(rays, lane, alpha_rows)
-            mu = mu_of(rays, lane, lift, True, falloff, alpha_rows)
-            values[0] += 1.0 - mu
-            for axis in range(3):
-                values[1 + axis] += mu * rays[DIR_X + axis, lane]
-    return traced, behind
-
-
-@inline
-def _add_moments(row, half, weight, b, values):
-    """Add a sample at barycentrics b with `values`, 1 − w and the mean of μ·direction, to a row of moments."""
-    row[half + SQUARES] += weight * values[0] * values[0]
-    entry = half + MATRIX
-    for i in range(3):
-        for j in range(i, 3):
-            row[entry] += weight * b[i] * b[j]
-            entry += 1
-        row[half + RIGHT + i] += weight * b[i] * values[0]
-        for q in range(3):
-            row[BENT + 3 * q + i] += weight * b[i] * values[1 + q]
+    rays, cone = directions
+    f = 0
+    for i in range(len(gathered)):
+        k = first + i
+        while samples.starts[f + 1] <= k:
+            f += 1
+        b = sample_barycentric(k, samples.shift, samples.ends[f], samples.ends[f + 1])
+        below = gathered[i, 0, BELOW]
+        hidden = gathered[i, 0, BEHIND] > _MOSTLY * (rays - below)
+        weight = samples.weights[f] * (hidden_weight if hidden else 1.0)
+        counts[f, TRACED] += rays - below
+        counts[f, BELOW_FACE] += below
+        counts[f, SEEN] += not hidden
+        # Rays below the face are left out, or closed.
+        closed, standing = shares_below(cosines[i, 0], cosines[i, 1], 1.0, cone)
+        entry = (k & 1) * MATRIX
+        for p in range(3):
+            for q in range(p, 3):
+                moments[f, entry] += weight * b[p] * b[q]
+                entry += 1
+            for q in range(3):
+                moments[f, OPEN + 3 * q + p] += weight * b[p] * gathered[i, 0, BENT + q] / standing
+        for c in range(gathered.shape[1]):
+            y = max(closed + 1.0 - gathered[i, c, W] - below / rays, 0.0) / standing
+            entry = FALLOFF + HALF * (2 * c + (k & 1))
+            moments[f, entry + SQUARES] += weight * y * y
+            for p in range(3):
+                moments[f, entry + RIGHT + p] += weight * b[p] * y

@@ -5,6 +5,7 @@ Minimised is Σ_s dA_s (Σ_j b_sj x_j − f_s)² + α xᵀRx (Kavan, Bargteil & 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from obscurance.raytrace.mesh.weld import CREASE
 from obscurance.raytrace.types import Float64s, Int64s
 
 from .conjugate_gradients import COARSE, dot, multiply, solve, solve_within
-from .face_moments import BENT, HALF, MATRIX, MOMENTS, RIGHT, SQUARES
+from .face_moments import FALLOFF, HALF, MATRIX, OPEN, RIGHT, SQUARES
 from .patch import Patch
 from .pattern import Stencil, add_faces, add_jumps, add_laplacian, find_hinges, right_side
 
@@ -25,6 +26,7 @@ _LAPLACIAN_WEIGHT = 1e-7
 _RELAXED = 1 / 16
 _STEP = 4.0
 _NEAR = 2e-5  # of the values fitted to either half, in the mean
+_BENT = 1e-5  # of bent normals: where R outweighs the data, residuals of linear functions are small
 _SMOOTHEST, _ROUGHEST = 4, -10
 _RUNS, _RUN = 32, 1 << 13  # stretches of faces in Morton order, and faces in each, that stand for all of many more
 
@@ -39,7 +41,7 @@ class NormalEquations(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The normal equations of x from either half of the samples, and the regularisation."""
+    """The normal equations of x from either half of the samples, by one falloff, and the regularisation."""
 
     stencil: Stencil  # of all matrices
     halves: tuple[NormalEquations, NormalEquations]  # of the samples, independent
@@ -70,92 +72,101 @@ class Problem:
 class Fit(NamedTuple):
     """Values at the points of a patch."""
 
-    w: Float64s  # (k,)
-    error: Float64s  # (k,), standard errors
-    bent: Float64s  # (k, 3), mean of μ·direction
+    w: Float64s  # (k, c), by c falloffs
+    error: Float64s  # (k, c), standard errors
+    bent: Float64s  # (k, 3), mean of μ·direction by the first falloff
     in_sight: Float64s  # (k,), the part of the surface around each that is, from 0 to 1
 
 
-def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[Problem, Problem]:
-    """The least squares problem of a patch, and one small enough to be solved many times, for choosing α: a part of
-    it, or the same."""
-    diagonal = MATRIX + np.array([0, 3, 5])
-    trace = sum(float(moments[:, column].sum()) for column in (*diagonal, *(HALF + diagonal)))
+def build_problems(patch: Patch, moments: Float64s, threads: int) -> tuple[list[Problem], Problem]:
+    """The least squares problems of a patch by each falloff, and one small enough to be solved many times, for choosing
+    α: a part of the first, or the same."""
+    diagonal = np.array([0, 3, 5])
+    trace = sum(float(moments[:, column].sum()) for column in (*diagonal, *(MATRIX + diagonal)))
     laplacian = _LAPLACIAN_WEIGHT * trace / max(float(patch.areas.sum()), 1e-300) * patch.areas
-    problem = _build_problem(patch, moments, laplacian, threads)
+    problems = _build_problems(patch, moments, laplacian, threads)
     if len(moments) <= 2 * _RUNS * _RUN:
-        return problem, problem
+        return problems, problems[0]
     starts = np.arange(_RUNS) * (len(moments) - _RUN) // (_RUNS - 1)
     trial_faces = (starts[:, None] + np.arange(_RUN)).ravel()
-    return problem, _build_problem(patch.part(trial_faces), moments[trial_faces], laplacian[trial_faces], threads)
+    part = patch.part(trial_faces)
+    return problems, _build_problems(part, moments[trial_faces], laplacian[trial_faces], threads)[0]
 
 
-def fit_values(problem: Problem, trial: Problem, cached: Cached) -> Fit:
-    """Fit 1 − w, so that where nothing is closed w is exactly 1; `cached` is called with what is long to compute."""
+def fit_values(problems: list[Problem], trial: Problem, cached: Cached) -> Fit:
+    """Fit 1 − w, so that where nothing is closed w is exactly 1; `cached` is called with what is long to compute.
 
-    def fit_halves() -> Float64s:
-        """The regularisation α, then the fits (n,) to both halves of the samples."""
-        alpha, fits = cross_validated(trial, _constant_fit(trial))
-        if trial is not problem:
-            fits = [problem.fit(half, alpha, _constant_fit(problem)) for half in problem.halves]
-        return np.concatenate([[alpha], *fits])
-
-    # The fits to either half of the samples: their difference measures the noise of the fit to both.
-    alpha, of_even, of_odd = np.split(cached("halves", fit_halves), [1, 1 + problem.bent.shape[1]])
+    All falloffs have the α that suits the first: others of their own err as much.
+    """
+    problem = problems[0]
     even, odd = problem.halves
-    data = even.values + odd.values
     threads = problem.threads
-    squared = (np.clip(of_even, 0, 1) - np.clip(of_odd, 0, 1)) ** 2 / 4
-    area = multiply(problem.stencil.matrix(data), np.ones(len(squared)), threads)
-    variance = _local_mean(problem.stencil, data, squared, area, threads)
+    data = even.values + odd.values
+    area = multiply(problem.stencil.matrix(data), np.ones(problem.bent.shape[1]), threads)
+    w = np.empty((len(area), len(problems)))
+    error = np.empty_like(w)
+    bent = np.zeros((3, len(area)))
 
-    # The fit to all samples, of 1 − w and of bent normals.
-    right = even.right + odd.right
-    zeros = np.zeros(len(right))
-    matrix = problem.system(data, alpha[0])
-    closed = cached("closed", lambda: solve_within(matrix, right, (of_even + of_odd) / 2, threads=threads))
-    bent = cached(
-        "bent", lambda: np.concatenate([solve(matrix, axis, zeros, None, COARSE, threads) for axis in problem.bent])
-    )
-    del matrix  # to make room for the next
+    def fit_halves(problem: Problem) -> Float64s:
+        """The fits (n,) to both halves of the samples, one after the other."""
+        return np.concatenate([problem.fit(half, alpha, _constant_fit(problem)) for half in problem.halves])
 
-    # With less regularisation: how far it moves values counts as their bias.
-    matrix = problem.system(data, alpha[0] * _RELAXED)
-    relaxed = cached("relaxed", lambda: solve_within(matrix, right, closed, COARSE, threads))
-    w = 1 - closed
-    error = np.sqrt(variance + (closed - relaxed) ** 2)
+    alpha = float(cached("alpha", lambda: np.array([cross_validated(trial, _constant_fit(trial))[0]]))[0])
+    for column, problem in enumerate(problems):
+        # The fits to either half of the samples: their difference measures the noise of the fit to both.
+        of_even, of_odd = np.split(cached(f"halves {column}", partial(fit_halves, problem)), 2)
+        squared = (np.clip(of_even, 0, 1) - np.clip(of_odd, 0, 1)) ** 2 / 4
+        variance = _local_mean(problem.stencil, data, squared, area, threads)
+
+        # The fit to all samples.
+        even, odd = problem.halves
+        right = even.right + odd.right
+        matrix = problem.system(data, alpha)
+        start = (of_even + of_odd) / 2
+        closed = cached(f"closed {column}", partial(solve_within, matrix, right, start, threads=threads))
+        if column == 0:
+            for axis, side in enumerate(problem.bent):
+                bent[axis] = cached(f"bent {axis}", partial(solve, matrix, side, bent[axis], None, _BENT, threads))
+
+        # With less regularisation: how far it moves values counts as their bias.
+        del matrix  # to make room for the next
+        matrix = problem.system(data, alpha * _RELAXED)
+        relaxed = cached(f"relaxed {column}", partial(solve_within, matrix, right, closed, COARSE, threads))
+        w[:, column] = 1 - closed
+        error[:, column] = np.sqrt(variance + (closed - relaxed) ** 2)
     in_sight = np.minimum(area / np.maximum(problem.areas, 1e-300), 1.0)
-    return Fit(*(values[problem.number] for values in (w, error, bent.reshape(3, -1).T, in_sight)))
+    return Fit(*(values[problem.number] for values in (w, error, bent.T, in_sight)))
 
 
-def _build_problem(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> Problem:
-    """The least squares problem of a patch, from the moments of its faces.
+def _build_problems(patch: Patch, moments: Float64s, laplacian: Float64s, threads: int) -> list[Problem]:
+    """The least squares problems of a patch by each falloff, from the moments of its faces.
 
     Args: laplacian: (m,), weights of smoothing.
     """
-    # Unknowns are numbered by the first corner that has each.
-    corners = patch.face_points.ravel()
-    first_corner = np.full(patch.unknowns, len(corners))
-    first_corner[corners[::-1]] = np.arange(len(corners))[::-1]
-    number = np.argsort(np.argsort(first_corner, kind="stable"))
+    # Unknowns are numbered by the first corner that has each; those of no face here are left out, and never asked for.
+    used, first_corner = np.unique(patch.face_points, return_index=True)
+    number = np.zeros(patch.unknowns, np.int64)
+    number[used] = np.argsort(np.argsort(first_corner))
     # The matrices, all of one sparsity pattern.
     face_points = number[patch.face_points].astype(np.int32)
-    hinges = find_hinges(face_points[: patch.mesh_faces], patch.normals[: patch.mesh_faces], CREASE, patch.unknowns)
-    stencil = Stencil.of(face_points, hinges, patch.unknowns)
-    even = _normal_equations(stencil, moments[:, :HALF])
-    odd = _normal_equations(stencil, moments[:, HALF:BENT])
-    bent = np.stack([right_side(stencil, moments[:, a : a + 3]) for a in range(BENT, MOMENTS, 3)])
+    hinges = find_hinges(face_points[: patch.mesh_faces], patch.normals[: patch.mesh_faces], CREASE, len(used))
+    stencil = Stencil.of(face_points, hinges, len(used))
+    matrices = [
+        stencil.sum(add_faces, np.ascontiguousarray(moments[:, begin : begin + MATRIX])) for begin in (0, MATRIX)
+    ]
+    bent = np.stack([right_side(stencil, moments[:, a : a + 3]) for a in range(OPEN, FALLOFF, 3)])
     smoothness = stencil.sum(add_jumps, hinges, patch.corners, patch.areas)
     shares = np.repeat(patch.areas * patch.cover / 3, 3)
     weights = shares / max(float(shares.sum()), 1e-300)
-    areas = np.bincount(face_points.ravel(), weights=weights, minlength=patch.unknowns).astype(np.float64, copy=False)
-    return Problem(stencil, (even, odd), smoothness, laplacian, areas, bent, threads, number)
-
-
-def _normal_equations(stencil: Stencil, moments: Float64s) -> NormalEquations:
-    """The equations of half of the samples. Args: moments: (m, HALF), of each face."""
-    matrix = stencil.sum(add_faces, np.ascontiguousarray(moments[:, MATRIX:RIGHT]))
-    return NormalEquations(matrix, right_side(stencil, moments[:, RIGHT:]), float(moments[:, SQUARES].sum()))
+    areas = np.bincount(face_points.ravel(), weights=weights, minlength=len(used)).astype(np.float64, copy=False)
+    problems = []
+    for falloff in range(FALLOFF, moments.shape[1], 2 * HALF):
+        halves = [
+            NormalEquations(matrix, right_side(stencil, half[:, RIGHT:HALF]), float(half[:, SQUARES].sum()))
+            for matrix, half in zip(matrices, (moments[:, falloff:], moments[:, falloff + HALF :]), strict=True)
+        ]
+        problems.append(Problem(stencil, (halves[0], halves[1]), smoothness, laplacian, areas, bent, threads, number))
+    return problems
 
 
 def _constant_fit(problem: Problem) -> Float64s:

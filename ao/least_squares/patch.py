@@ -5,27 +5,31 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from obscurance.raytrace.embree import LANES
 from obscurance.raytrace.mesh.morton import fine_morton_order
 from obscurance.raytrace.mesh.placement import Placement
-from obscurance.raytrace.mesh.weld import CREASE
+from obscurance.raytrace.mesh.weld import CREASE, connected_components
 from obscurance.raytrace.sampling import hash32_array
 from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s
 
+from ..execute.tracer import Hemispheres
 from ..execute.work import Outputs
-from ..mu import KernelMu
+from ..mu import columns_in_render_space
+from ..points.points import Points
 from ..points.receivers import Receivers
 from ..prepared import Prepared
-from ..rays.ray_packet import RayPacket
+from ..rays.directions import RUN
+from ..rays.gather import WIDER
 from ..rays.ray_scene import RayScene
-from .face_moments import HIDDEN, MOMENTS, SEEN, Samples, gather_faces, lattices
+from .face_moments import SEEN, Faces, Samples, add_moments, columns, place_samples
 from .pattern import find_hinges
 
-_MOST_RAYS = 32
+_FEWEST_RAYS, _MOST_RAYS = 8, 32  # of a sample
+_PLACED = 1 << 12  # samples whose rays are traced together
+_HIDDEN = 1e-4  # weight of a sample that sees backs of faces; not 0, so that hidden faces have a value too
 _COARSE = 1 << 16  # faces; with more, how rectangles are cut is no longer seen
 _SQUARE = 1e-4  # of a rectangle's diagonal
 
@@ -125,16 +129,14 @@ class Patch:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """The moments and ray counts of faces as a `KeptRowTask`, which any process can do; see `gather_faces`."""
+    """The moments and ray counts of faces as a `KeptRowTask`, which any process can do; see `add_moments`."""
 
-    faces: tuple[Float64s, Float64s, Float32s, Float32s]  # `Patch`'s corners, normals, axes and smooth normals
+    hemispheres: Hemispheres  # as they are gathered at samples, at no points yet
+    faces: Faces
     samples: Samples
     points: Int32s  # (m, 3), unknowns, which identify the faces
-    rays_of_sample: int
     count: int  # of samples in all
-    key: np.uint32  # of the directions
-    mu: KernelMu  # in render space
-    reach: float  # of rays there
+    hidden_weight: float
     block_rays: ClassVar = 1 << 19
 
     def __len__(self) -> int:
@@ -142,16 +144,15 @@ class Moments:
 
     def __getitem__(self, rows: slice) -> Moments:
         start, stop, _ = rows.indices(len(self))
-        corners, normals, axes, smooth = self.faces
         shift, ends, starts, weights = self.samples
         samples = Samples(shift, ends[start : stop + 1], starts[start : stop + 1], weights[rows])
-        faces = corners[rows], normals[rows], axes[rows], smooth[rows]
+        faces = Faces._make(array[rows] for array in self.faces)
         return replace(self, faces=faces, samples=samples, points=self.points[rows])
 
     @property
     def name(self) -> bytes:
         """As `KeptRowTask.name`: of the samples' count, key and places."""
-        digest = hashlib.blake2b(repr((self.count, int(self.key))).encode(), digest_size=16)
+        digest = hashlib.blake2b(repr((self.count, int(self.hemispheres.key))).encode(), digest_size=16)
         digest.update(np.ascontiguousarray(self.points).data)
         return digest.digest()
 
@@ -159,45 +160,61 @@ class Moments:
     def rays(self) -> float:
         """Rays of a face on average, as `RowTask.rays`."""
         count = int(self.samples.starts[-1] - self.samples.starts[0])
-        return self.rays_of_sample * count / max(len(self), 1)
+        return self.hemispheres.samples * count / max(len(self), 1)
 
     def tables(self) -> Outputs:
-        return np.zeros((len(self), MOMENTS)), np.zeros((len(self), 3), np.int64)
+        return np.zeros((len(self), columns(*self.hemispheres.mu.shape))), np.zeros((len(self), 3), np.int64)
 
     def writer(self, scene: RayScene, tables: Outputs) -> Callable[[int, int], None]:
-        embree = scene.embree()
-        drawn = lattices(self.rays_of_sample, scene.cone), self.key, scene.cone
-        moments, counts = tables
+        gather, falloffs = self.hemispheres.gatherer(scene), self.hemispheres.mu.shape
+        directions = self.hemispheres.samples, scene.cone
 
         def write(start: int, stop: int) -> None:
-            faces = self[start:stop]
-            packet = RayPacket.of(embree, scene.opacity)
-            gather_faces(
-                packet, faces.faces, faces.samples, drawn, self.mu, self.reach, moments[start:stop], counts[start:stop]
-            )
+            part = self[start:stop]
+            of_part = [table[start:stop] for table in tables]
+            last = int(part.samples.starts[-1])
+            for first in range(int(part.samples.starts[0]), last, _PLACED):
+                count = min(last - first, _PLACED)
+                points = Points.empty(count)
+                cosines = np.empty((count, 2))
+                gathered = np.empty((count, *falloffs, WIDER))
+                place_samples(first, first + count, part.faces, part.samples, points.arrays, cosines)
+                gather(points, gathered)
+                add_moments(first, part.samples, gathered, cosines, directions, self.hidden_weight, *of_part)
 
         return write
 
 
-def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float64s, Int64s]:
-    """Moments (m, 29) and counts (m, 3) of the faces of `patch` from `total` rays, see `gather_faces`.
+class Gathered(NamedTuple):
+    """What `gather_moments` finds on the m faces of a patch; see `add_moments`."""
+
+    moments: Float64s
+    counts: Int64s
+    hidden: Bools  # (n,), unknowns of faces that have samples, all of which are hidden
+
+
+def gather_moments(prepared: Prepared, patch: Patch, total: int) -> Gathered:
+    """The moments of the faces of `patch` from `total` rays.
 
     Hidden samples count next to nothing beside visible ones of the same vertex, but fully on faces of which no vertex
-    has one: a room whose walls face outwards has none but hidden ones.
+    has one: a room whose walls face outwards has none but hidden ones. With `--interior fill` such faces count only
+    where no edges lead from them to visible ones.
     """
-    placement = prepared.placement
-    key = prepared.key
-    progress = prepared.progress
-    if not len(patch.face_points):
-        return np.zeros((0, MOMENTS)), np.zeros((0, 3), np.int64)
+    placement, progress, options = prepared.placement, prepared.progress, prepared.options
     # Many samples of few rays each, spread evenly over the faces.
-    rays = int(np.clip(prepared.options.rays // 2 // LANES * LANES, LANES, _MOST_RAYS))
+    rays = int(np.clip(options.rays // 2 // _FEWEST_RAYS * _FEWEST_RAYS, _FEWEST_RAYS, _MOST_RAYS))
     count = max(total // rays, 1)
-    shift = float(np.ldexp(hash32_array([key])[0], -32))
-    faces = patch.corners, patch.normals, patch.axes, patch.smooth
-    mu = prepared.mu.in_render_space(placement.scale)
+    mu = columns_in_render_space(prepared.mus, placement.scale)
+    hemispheres = Hemispheres(Points.empty(0), rays, prepared.key, count, mu, placement.diagonal, RUN, True)
+    if not len(patch.face_points):
+        nothing = np.zeros(patch.unknowns, np.bool_)
+        return Gathered(np.zeros((0, columns(*mu.shape))), np.zeros((0, 3), np.int64), nothing)
+    shift = float(np.ldexp(hash32_array([prepared.key])[0], -32))
+    faces = Faces(patch.corners, patch.normals, patch.axes, patch.smooth)
     samples = Samples.spread(patch.areas * patch.cover, count, shift)
-    work = Moments(faces, samples, patch.face_points, rays, count, key, mu, placement.diagonal)
+    through = options.interior == "auto" and options.back_faces == "ignore"  # backs are as if not there
+    hidden_weight = 1.0 if options.interior == "ignore" or through else _HIDDEN
+    work = Moments(hemispheres, faces, samples, patch.face_points, count, hidden_weight)
     done = 0
 
     def advance(finished: int) -> None:
@@ -207,8 +224,13 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> tuple[Float6
             progress(count * rays * done // len(work), count * rays, "rays")
 
     moments, counts = prepared.checkpoint.fill(work, prepared.scene, prepared.threads, advance)
-    # Faces of which no vertex is seen keep what hidden samples say.
-    seen = np.zeros(patch.unknowns, np.bool_)
+    # Faces of which no vertex is seen keep what hidden samples say, or get what the nearest that are seen have.
+    sampled, seen = np.zeros((2, patch.unknowns), np.bool_)
+    sampled[patch.face_points[np.diff(samples.starts) > 0]] = True
     seen[patch.face_points[counts[:, SEEN] > 0]] = True
-    moments[~seen[patch.face_points].any(axis=1)] /= HIDDEN
-    return moments, counts
+    unseen = ~seen[patch.face_points].any(axis=1)
+    moments[unseen] /= hidden_weight
+    if options.interior == "fill":
+        part = connected_components(patch.face_points.astype(np.int64), patch.unknowns)
+        moments[unseen & np.isin(part, part[seen])[patch.face_points[:, 0]]] = 0
+    return Gathered(moments, counts, sampled & ~seen)

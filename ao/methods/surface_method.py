@@ -7,11 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from obscurance.raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.types import Bools, Float64s
 
-from ..least_squares.face_moments import BELOW, TRACED
+from ..least_squares.face_moments import BELOW_FACE, TRACED
 from ..least_squares.fit import Fit, build_problems, fit_values
-from ..least_squares.patch import Patch, gather_moments
+from ..least_squares.patch import Gathered, Patch, gather_moments
+from ..points.receivers import Flag
 from ..prepared import Prepared
 from ..result import PointValues, rms
 
@@ -30,24 +31,29 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
     rays = most = options.rays_in_all(vertices)
     if tolerance is not None:
         rays = min(max(_FIRST * vertices, _LEAST), most)
-    fit, counts = _fit(prepared, rays)
+    fit, gathered = _fit(prepared, rays)
+    counts = gathered.counts.sum(axis=0)
     while tolerance is not None and rays < most:
         wanted = receivers.of_vertex[requested.first_vertex]
-        rmse = rms(fit.error[wanted], fit.in_sight[wanted])
+        rmse = max(rms(error, fit.in_sight[wanted]) for error in fit.error[wanted].T[: len(options.falloffs)])
         if rmse <= tolerance:
             break
         rays = min(int(rays * np.clip((rmse / (_AIM * tolerance)) ** 2, 2.0, 16.0)), most)
-        fit, fit_counts = _fit(prepared, rays)
-        counts += fit_counts
+        fit, gathered = _fit(prepared, rays)
+        counts += gathered.counts.sum(axis=0)
+    if options.interior in ("mark", "fill"):
+        hidden = np.append(gathered.hidden[: len(receivers.points)], False)[receivers.of_vertex]
+        requested.flags[hidden & _requested(prepared)] |= np.uint8(Flag.HIDDEN)
     # The values at the points asked for.
     unknowns = receivers.of_vertex[requested.first_vertex]
     return PointValues(
-        w=fit.w[unknowns],
-        error=fit.error[unknowns],
+        w=fit.w[unknowns, 0],
+        error=fit.error[unknowns, 0],
         bent=fit.bent[unknowns],
         samples=rays // max(vertices, 1),
         rays=int(counts[TRACED]),
-        rays_skipped={"below_face": int(counts[BELOW])},
+        rays_skipped={"below_face": int(counts[BELOW_FACE])},
+        others=(fit.w[unknowns, 1:], fit.error[unknowns, 1:]) if fit.w.shape[1] > 1 else (),
         in_sight=fit.in_sight[unknowns],
     )
 
@@ -67,23 +73,20 @@ def _unknowns(prepared: Prepared) -> int:
     return len(np.unique(points[points >= 0])) + len(np.unique(faces[points < 0]))
 
 
-def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Int64s]:
-    """A fit from so many `rays`, and counts (3,), see `gather_faces`; arrays that are used up are freed before it."""
+def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Gathered]:
+    """A fit from so many `rays`, and what they found; arrays that are used up are freed before it."""
     receivers = prepared.receivers
     checkpoint = prepared.checkpoint
     patch = Patch.of(prepared.placement, receivers, _requested(prepared))
-    moments, counts = gather_moments(prepared, patch, rays)
-    totals = counts.sum(axis=0)
-    if prepared.options.tolerance is None:
-        receivers.embree().release()
-        receivers.embree.cache_clear()  # type: ignore[attr-defined]  # who needs it afterwards builds it anew
+    gathered = gather_moments(prepared, patch, rays)
     if prepared.progress:
         prepared.progress(0, 1, "fit")
-    problem, trial = build_problems(patch, moments, prepared.threads)
-    del patch, moments, counts
+    problems, trial = build_problems(patch, gathered.moments, prepared.threads)
+    gathered = gathered._replace(moments=gathered.moments[:0])
+    del patch
 
     def cached(name: str, compute: Callable[[], Float64s]) -> Float64s:
         """As `Kept.cached`, by a name that tells fits of other numbers of rays apart."""
         return checkpoint.cached(f"{name}, {rays} rays", compute)
 
-    return fit_values(problem, trial, cached), totals
+    return fit_values(problems, trial, cached), gathered

@@ -59,6 +59,12 @@ class Points:
         return PointArrays(self.origins, self.normals, self.numbers, self.lifts, self.fronts)
 
     @classmethod
+    def empty(cls, count: int) -> Points:
+        """Room for so many points with `fronts`, to be written."""
+        origins, normals, lifts, fronts = np.empty((4, count, 3), np.float32)
+        return cls(origins, normals, np.empty(count, np.uint32), lifts, fronts)
+
+    @classmethod
     def lifted(cls, places: AnyFloats, origins: AnyFloats, normals: AnyFloats) -> Points:
         """Points numbered from 0. Args: places, origins, normals: (k, 3)."""
         rounded = origins.astype(np.float32)

@@ -1,10 +1,10 @@
 """Rays that start below the face that they leave, where the hemisphere is not about its normal.
 
 They end on that face at once. Where the axis is an interpolated normal of a smooth surface, of which the face is an
-approximation, they say nothing of the surroundings: they are left out, as by the surface method
-(`ao.least_squares.face_moments`), so that convex surfaces are open, however coarse. By as much as the axis leans away
-from that surface, they are closed. What share of directions is below is known: estimates are divided by no estimate.
-Where the face has an alpha, that part of them ends there; the rest counts as other rays do.
+approximation, they say nothing of the surroundings: they are left out, so that convex surfaces are open, however
+coarse. By as much as the axis leans away from that surface, they are closed. What share of directions is below is
+known: estimates are divided by no estimate. Where the face has an alpha, that part of them ends there; the rest counts
+as other rays do.
 """
 
 import numpy as np
@@ -50,8 +50,7 @@ def leave_out_below(
             below += x * local[0, k] + y * local[1, k] + z * local[2, k] < 0.0
         # Rays below count as ended there, as far as the face is opaque: closed, or replaced by the mean of the others.
         alpha = np.float64(geometric_normal[3])
-        closed = alpha * share_below(np.float64(geometric_normal[4]), cone)
-        standing = 1.0 - max(alpha * share_below(np.float64(z), cone) - closed, 0.0)
+        closed, standing = shares_below(np.float64(z), np.float64(geometric_normal[4]), alpha, cone)
         lost = closed + 1.0 - out[i, W] - alpha * below / samples
         if lost <= _NOTHING:
             out[i, W], out[i, BATCH_VARIANCE] = 1.0, 0.0
@@ -59,6 +58,16 @@ def leave_out_below(
             out[i, W] = 1.0 - lost / standing
         for column in range(BENT, COLUMNS):
             out[i, column] /= standing
+
+
+@inline
+def shares_below(cosine, leaning, alpha, cone):
+    """The share of directions that a face of an alpha closes, and the share of those that are not left out.
+
+    Args: cosine, leaning: between the axis and the normals of the face, and of the surface. cone: of `share_below`.
+    """
+    closed = alpha * share_below(leaning, cone)
+    return closed, 1.0 - max(alpha * share_below(cosine, cone) - closed, 0.0)
 
 
 @inline

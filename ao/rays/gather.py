@@ -17,11 +17,13 @@ from ..mu import KernelMu, depends_on_distance
 from ..points.points import PointArrays
 from .directions import BATCHES, DirectionTable, choose, turned_frame
 from .layers import clear, hit_mask, write_occlusion
-from .ray_blocks import Rays, close_below, init_rays
+from .ray_blocks import Rays, close_below, count_behind, init_rays
 from .traverse import TraversalState, traverse
 
 W, BATCH_VARIANCE, BENT = range(3)  # columns of rows: w, the variance between batches, the mean of μ·direction
 COLUMNS = BENT + 3
+BEHIND, BELOW = COLUMNS, COLUMNS + 1  # columns of rows that are wider: rays that end on backs, and below `fronts`
+WIDER = COLUMNS + 2
 VALUES = [W, *range(BENT, COLUMNS)]
 _SUMS = BATCHES + 3  # rows: 1 − μ by batches of directions, (1 − μ)·direction
 
@@ -41,11 +43,12 @@ def gather_hemispheres(
 
     Args:
         rays, state: of `table` and `tree`, written. falloff: of k columns or k = 1.
-        t_max: length of every ray, at most falloff.limit. out: (n, k, COLUMNS), written.
+        t_max: length of every ray, at most falloff.limit unless of columns. out: (n, k, COLUMNS), written; or
+            (n, k, WIDER), if rays note `t_sides`.
     """
     reach = np.float32(t_max)
     samples = len(table.batches)
-    fading = depends_on_distance(falloff)
+    closest = depends_on_distance(falloff) or len(rays.t_sides) > 0
     sums = np.zeros((_SUMS, out.shape[1]))
     occlusion = np.zeros(out.shape[1])
     for i in range(len(points.origins)):
@@ -54,22 +57,26 @@ def gather_hemispheres(
         t, b = turned_frame(normal, turn)
         # All rays of the point through the tree together.
         init_rays(rays, table.directions, table.cones, chosen, samples, (t, b, normal), reach)
+        below = 0
         if len(points.fronts) > 0:
-            close_below(rays, load(points.fronts, i))
+            below = close_below(rays, load(points.fronts, i))
         clear(state.layers)
         start = load(points.origins, i), load(points.lifts, i)
-        traverse(tree, state, rays, start, normal, table.lowest[chosen], fading, reach)
+        traverse(tree, state, rays, start, normal, table.lowest[chosen], closest, reach)
         # The 1 − μ of the rays that met something.
         sums[:] = 0.0
         for k in range(len(rays.t_hit)):
             sent = (1 << min(samples - WIDE * k, WIDE)) - 1
-            met = hit_mask(state.layers, rays, k, sent, fading)
+            met = hit_mask(state.layers, rays, k, sent, closest)
             while met != 0:
                 ray = WIDE * k + lowest_bit(met)
                 met &= met - 1
                 write_occlusion(state.layers, rays, ray, falloff, falloff.columns, occlusion)
                 _add(occlusion, table.batches[ray], table.directions[chosen], ray, sums)
         _write(out[i], sums, table, chosen, (t, b, normal))
+        if out.shape[2] == WIDER:
+            out[i, :, BEHIND] = count_behind(rays, samples)
+            out[i, :, BELOW] = below
 
 
 @inline

@@ -19,7 +19,7 @@ from obscurance.raytrace.mesh.opacity import PackedOpacity, alpha
 from obscurance.raytrace.types import Float32Rows, Int64s
 
 from ..mu import KernelMu, accumulate_occlusion, attenuation, depends_on_distance
-from .ray_blocks import T_MISS, deactivate, is_active, shrink_t_max
+from .ray_blocks import T_MISS, deactivate, is_active, note_side, shrink_t_max
 
 LEAST = 2.0**-12  # of a ray: what is left of it where it ends
 _MOST = 8
@@ -83,6 +83,8 @@ def alpha_test(leaf, rays, block, lane, slot, distance, closest, t_max):
     weight_b = dot(v, cross(c, a))
     weight_c = dot(v, cross(a, b))
     total = weight_a + weight_b + weight_c  # v·2N: above 0 the ray meets the back
+    if layers.opacity.of[faces[slot]] < 0:
+        note_side(rays, block, lane, np.int64(total > 0.0), distance)
     if total > 0.0 and layers.opacity.one_sided != 0:
         return
     if total == 0.0:

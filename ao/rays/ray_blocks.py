@@ -18,6 +18,7 @@ from obscurance.raytrace.kernel.simd import (
     load_row,
     lowest_bit,
     multiply_add,
+    popcount,
     reciprocal_root,
     select,
     store_row,
@@ -45,6 +46,7 @@ class Rays(NamedTuple):
         active: int64 (16·g,), bits of the rays of each block that have met nothing that ends them.
         groups: int64 (g,), bits of the blocks of each group that have such rays.
         t_hit: float32 (b, 16), distances of the nearest hits yet, `T_MISS` without one.
+        t_sides: float32 (2·b, 16), of the nearest opaque fronts, then of backs, also those that rays pass; or no rows.
         t_max: float32 (b,), how far the rays of a block still matter.
     """
 
@@ -54,19 +56,21 @@ class Rays(NamedTuple):
     active: Int64s
     groups: Int64s
     t_hit: Float32Rows
+    t_sides: Float32Rows
     t_max: Float32s
 
     @classmethod
-    def of(cls, table: DirectionTable) -> Rays:
-        """Room for the rays of one point at a time."""
+    def of(cls, table: DirectionTable, sides: bool = False) -> Rays:
+        """Room for the rays of one point at a time. Args: sides: whether to note `t_sides`."""
         blocks = table.directions.shape[2] // WIDE
         groups = table.cones.shape[2] // WIDE
         directions = aligned((3 * blocks, WIDE), np.float32)
         reciprocals = aligned((3 * blocks, WIDE), np.float32)
         cones = aligned((5 * groups, WIDE), np.float32)
         t_hit = aligned((blocks, WIDE), np.float32)
+        t_sides = aligned((2 * blocks * sides, WIDE), np.float32)
         still = np.zeros(groups * WIDE, np.int64), np.zeros(groups, np.int64)
-        return cls(directions, reciprocals, cones, *still, t_hit, np.zeros(blocks, np.float32))
+        return cls(directions, reciprocals, cones, *still, t_hit, t_sides, np.zeros(blocks, np.float32))
 
 
 @inline
@@ -108,6 +112,8 @@ def init_rays(rays, directions, cones, chosen, samples, frame, t_max):
     """Begin with a point: turn set `chosen` of a table's directions and cones into its frame; nothing is met yet."""
     blocks = len(rays.t_hit)
     groups = len(rays.groups)
+    for k in range(len(rays.t_sides)):
+        store_row(rays.t_sides, k, T_MISS)
     for k in range(blocks):
         _turn(directions, 3 * blocks * chosen, k, blocks, frame, rays.directions)
         for axis in range(3):
@@ -125,9 +131,10 @@ def init_rays(rays, directions, cones, chosen, samples, frame, t_max):
 
 @inline
 def close_below(rays, front):
-    """Let rays end where they start that go below the plane of a unit normal; zero: none."""
+    """Let rays end where they start that go below the plane of a unit normal, zero: none; returns how many."""
+    closed = 0
     if front == (ZERO, ZERO, ZERO):
-        return
+        return closed
     blocks = len(rays.t_hit)
     for k in range(blocks):
         is_below = along(rays.directions, k, blocks, front) < ZERO
@@ -135,6 +142,28 @@ def close_below(rays, front):
         if below != 0:
             store_row(rays.t_hit, k, select(is_below, ZERO, T_MISS))
             deactivate(rays, k, below)
+            closed += popcount(below)
+    return closed
+
+
+@inline
+def count_behind(rays, samples):
+    """How many rays end on the back of a face, by `t_sides`, or would if they did not pass it."""
+    blocks = len(rays.t_hit)
+    behind = 0
+    for k in range(blocks):
+        sent = (1 << min(samples - WIDE * k, WIDE)) - 1
+        back = load_row(rays.t_sides, blocks + k)
+        behind += popcount(bits((back < load_row(rays.t_sides, k)) & (back <= load_row(rays.t_hit, k))) & sent)
+    return behind
+
+
+@inline
+def note_side(rays, block, lane, is_back, distance):
+    """Note that a ray meets an opaque face, from behind or not."""
+    if len(rays.t_sides) > 0:
+        row = block + is_back * len(rays.t_hit)
+        rays.t_sides[row, lane] = min(rays.t_sides[row, lane], distance)
 
 
 @inline

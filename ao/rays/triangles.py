@@ -25,10 +25,22 @@ from obscurance.raytrace.kernel.simd import (
 from obscurance.raytrace.kernel.vector import add, choose, column, dot, scale, subtract
 
 from .layers import alpha_test, has_alpha
-from .ray_blocks import ONE, SLACK, T_MISS, ZERO, along, blocks_within, cone_around, deactivate, is_active, shrink_t_max
+from .ray_blocks import (
+    ONE,
+    SLACK,
+    T_MISS,
+    ZERO,
+    along,
+    blocks_within,
+    cone_around,
+    deactivate,
+    is_active,
+    note_side,
+    shrink_t_max,
+)
 
-PLANES = 18  # rows of sixteen: the edges' normals, N, a·N from the place, and a cone around each: axis, cosine, sine
-_NORMAL, _VOLUME, _AXIS, _COSINE, _SINE = 9, 12, 13, 16, 17
+PLANES = 19  # rows of sixteen: the edges' normals, N, a·N from the place, a cone around each: axis, cosine, sine; side
+_NORMAL, _VOLUME, _AXIS, _COSINE, _SINE, _SIDE = 9, 12, 13, 16, 17, 18
 _FOUR = np.float32(4.0)
 _THIRD = np.float32(1.0 / 3.0)
 
@@ -53,6 +65,7 @@ def find_planes(triangles, origin, lift, planes):
     store_triple(planes, 6, scale(side, _edge_plane(c, a, ca)))
     n = scale(side, n)
     store_triple(planes, _NORMAL, n)
+    store_row(planes, _SIDE, side)
     volume = abs(volume)
     store_row(planes, _VOLUME, select(volume > ZERO, max(volume + dot(n, lift), ZERO), T_MISS))
     return a, b, c
@@ -151,9 +164,13 @@ def intersect_by_rays(rays, listed, start, stop, planes, closest, t_max, leaf):
                 hit_lanes &= hit_lanes - 1
                 alpha_test(leaf, rays, k, lane, j, pick(distances, j), closest, t_max)
         elif closest:
-            distance = lowest(select(met, volume / ahead, T_MISS))
-            rays.t_hit[k, lane] = min(rays.t_hit[k, lane], distance)
+            distances = select(met, volume / ahead, T_MISS)
+            rays.t_hit[k, lane] = min(rays.t_hit[k, lane], lowest(distances))
             shrink_t_max(rays, k, t_max)
+            if len(rays.t_sides) > 0:
+                is_back = load_row(planes, _SIDE) > ZERO
+                note_side(rays, k, lane, 0, lowest(select(is_back, T_MISS, distances)))
+                note_side(rays, k, lane, 1, lowest(select(is_back, distances, T_MISS)))
         else:
             deactivate(rays, k, 1 << lane)
 
@@ -196,5 +213,9 @@ def intersect_by_triangles(rays, triangles, planes, closest, t_max, leaf):
                     t_hit = load_row(rays.t_hit, k)
                     store_row(rays.t_hit, k, select(met, min(volume / ahead, t_hit), t_hit))
                     shrink_t_max(rays, k, t_max)
+                    if len(rays.t_sides) > 0:
+                        row = k + blocks * (planes[_SIDE, j] > ZERO)
+                        before = load_row(rays.t_sides, row)
+                        store_row(rays.t_sides, row, select(met, min(volume / ahead, before), before))
                 else:
                     deactivate(rays, k, bits(met))

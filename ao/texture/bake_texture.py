@@ -90,9 +90,9 @@ def bake_texture(
             NaN are not on the page, such as faces of another material; they occlude.
         size: Texels across and down, one number for a square; 1 to 16384.
         falloff: μ, `Exponential(…)` (the default), `Binary(…)`, `Linear(…)`, `Smooth(…)` or `Tabulated(…)`; or "binary"
-            or "exponential"; or a function of the distance in mesh units, which becomes a `Tabulated`; or, by the
-            vertex method, a list of them, for `values` of the result by each from the same rays, which are as long as
-            the farthest needs.
+            or "exponential"; or a function of the distance in mesh units, which becomes a `Tabulated`; or a
+            list of them, for `values` of the result by each from the same rays, which are as long as the farthest
+            needs.
         samples: Rays per vertex or texel, in place of a tolerance; with `tolerance` the most, by default 16384. At most
             2²⁰. By the surface method they are spread over the faces by area, up to 32 from each of many points, and
             with a tolerance the most is 2²⁶ in all if that is more.
@@ -120,19 +120,20 @@ def bake_texture(
             inside parts of the mesh that are closed. "auto": vertices inside a closed part that is not their own are
             flagged and get the values of the nearest that are not; texels are filled as if they were not covered.
             "ignore": both sides of faces are surface. "mark": faces bound solids, and vertices that mostly see backs,
-            being inside one, are flagged; not of texels. "fill": besides, they are filled, and texels are. Not by the
-            surface method.
+            being inside one, are flagged; not of texels. "fill": besides, they are filled, and texels are. By the
+            surface method samples that mostly see backs count next to nothing, but with "ignore"; vertices among such
+            samples alone are flagged with "mark", and filled with "fill".
         thickness: How thick the solid is below each point instead: the same rays inwards, 0 thin, 1 thick. By the same
             falloff; where rays leave through holes of the mesh it is thick, which `shortfalls` says. Not with
             `interior` mark or fill.
         spread: Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all. 1 to
             180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.
         back_faces: ignore: rays pass through faces that they meet from behind, as through single-sided walls. A face's
-            front is where its corners run anticlockwise. `interior` sees backs all the same. Not by the surface method.
+            front is where its corners run anticlockwise. `interior` sees backs all the same.
         profile: Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the
             half-distance can be chosen later: .npz .ply .glb .html, textures .exr; by default in .html, if that costs
             little. In Python the result's `profile`, by the same rays, with the `max_distance` of the first falloff,
-            unless this is a table. Not by the surface method.
+            unless this is a table.
         cage: With `high`: how far it may be from the input, mesh units or "2%" of the radius (the default); or a mesh
             file, the input with its vertices moved outwards. A mesh has as many vertices and faces as `mesh`, in its
             order: rays start at the point of the cage that belongs to a point of `mesh`, go through it and as far

@@ -86,6 +86,12 @@ def lowest_bit(context, builder, signature, number):
     return builder.cttz(number, ir.IntType(1)(0))
 
 
+@intrinsic(lambda number: types.int64(types.int64))
+def popcount(context, builder, signature, number):
+    """How many bits of an int64 are set, int64."""
+    return builder.ctpop(number)
+
+
 @intrinsic(lambda a, lane: a.dtype(a, types.int64))
 def pick(context, builder, signature, a, lane):
     """The value in one lane of `a`, a scalar."""

@@ -132,8 +132,7 @@ def _can_be_fitted(plan: Plan) -> bool:
     arguments = plan.arguments
     if isinstance(arguments, VertexOptions) and arguments.method == "vertex":
         with suppress(OptionError):
-            profile = arguments.profile and plan.ending != ".html"  # which has one by itself with the other method
-            replace(arguments, method="surface", profile=profile)
+            replace(arguments, method="surface")
             return True
     return False
 

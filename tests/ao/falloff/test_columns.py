@@ -134,8 +134,6 @@ def test_octaves_of_closed_forms(name):
     ({"falloff": []}, "falloff: expected a falloff or a list of falloffs, got an empty list"),
     ({"falloff": ["binary", 3]}, "falloff: expected ao.Binary"),
     ({"falloff": 3}, "falloff: expected ao.Binary"),
-    ({"profile": True, "method": "surface"}, "profile does not go with method='surface'"),
-    ({"falloff": ["binary", "exponential"], "method": "surface"}, "a list of falloffs does not go with method="),
     ({"profile": "yes"}, "profile: expected"),
 ])  # fmt: skip
 def test_what_does_not_go_together_is_refused_in_one_line(options, said):

@@ -9,10 +9,9 @@ from leaf_cards import FLOOR, FLOOR_FACES, HALVES, HEIGHT, SQUARE, form_factors
 
 from obscurance import ao
 from obscurance.ao import closed_forms as analytic
-from obscurance.ao.options import Options, VertexOptions
+from obscurance.ao.options import Options
 from obscurance.ao.prepared import Prepared
 from obscurance.raytrace import AlphaSurface, Mesh, Opacity
-from obscurance.raytrace.errors import ConflictError
 from obscurance.scenes.geometry.polyhedra import icosphere, join, patches
 
 pytestmark = pytest.mark.usefixtures("w_alone")
@@ -103,6 +102,27 @@ def test_other_processes_let_rays_through():
     assert Prepared.of(mesh, Options(), None, None).scene.opacity is None
 
 
-def test_the_surface_method_refuses():
-    with pytest.raises(ConflictError, match="back_faces='ignore' does not go with method='surface'"):
-        VertexOptions(back_faces="ignore", method="surface")
+@pytest.mark.parametrize("falloff", ["binary", "exponential"])
+@pytest.mark.parametrize("alpha", [None, 0.3])
+def test_the_surface_method(falloff, alpha):
+    options = {"samples": 1 << 14, "method": "surface", "back_faces": "ignore"}
+    squares = (0.2, 0.9, False), (0.3, 0.9, False), (HEIGHT, 0.5, True)
+    both, alone, behind = (
+        ao.bake(over_floor(*some, alpha=alpha), falloff, **options).w[: len(FLOOR)]
+        for some in (squares, squares[2:], squares[:2])
+    )
+    assert (behind == 1).all()
+    assert np.allclose(both, alone, atol=0.02)
+    seen = ao.bake(over_floor(squares[2], alpha=alpha), falloff, samples=1 << 14, method="surface").w[: len(FLOOR)]
+    assert np.allclose(alone, seen, atol=0.02)
+    assert alone.min() < (0.7 if alpha is None else 0.9)
+
+
+def test_by_the_surface_method_too_backs_mark_what_is_inside():
+    vertices, faces = icosphere(2)
+    mesh = Mesh(*join([(vertices, faces), (vertices + np.array([0.9, 0, 0]), faces)]))
+    seen, through = (
+        ao.bake(mesh, samples=64, method="surface", interior="mark", back_faces=each) for each in ("occlude", "ignore")
+    )
+    assert np.array_equal(seen.flags, through.flags)
+    assert seen.flagged["hidden"] > 20

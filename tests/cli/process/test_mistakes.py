@@ -126,10 +126,6 @@ COMMANDS = [
     ("bake a.ply -o w.npy --normals aera", "did you mean area?"),
     ("bake a.ply -o w.npy --interior yes", "bake --interior: expected one of auto, ignore, mark, fill, got yes"),
     ("bake a.ply -o w.npy --method surfaces", "got surfaces; did you mean surface?"),
-    (
-        "bake a.ply -o w.npy --method surface --tolerance .1 --interior mark",
-        "bake: --interior mark does not go with --method surface",
-    ),
     ("bake a.ply -o w.npy --seed x", "bake --seed: expected a whole number, got x"),
     ("bake a.ply -o w.npy --threads many", "bake --threads: expected a whole number, got many"),
     ("bake a.ply -o w.npy --threads 0", "bake --threads: expected a whole number from 1 to 4096, got 0"),
