@@ -147,10 +147,11 @@ def _build_problems(patch: Patch, moments: Float64s, laplacian: Float64s, thread
     used, first_corner = np.unique(patch.face_points, return_index=True)
     number = np.zeros(patch.unknowns, np.int64)
     number[used] = np.argsort(np.argsort(first_corner))
+    count = max(len(used), 1)
     # The matrices, all of one sparsity pattern.
     face_points = number[patch.face_points].astype(np.int32)
-    hinges = find_hinges(face_points[: patch.mesh_faces], patch.normals[: patch.mesh_faces], CREASE, len(used))
-    stencil = Stencil.of(face_points, hinges, len(used))
+    hinges = find_hinges(face_points[: patch.mesh_faces], patch.normals[: patch.mesh_faces], CREASE, count)
+    stencil = Stencil.of(face_points, hinges, count)
     matrices = [
         stencil.sum(add_faces, np.ascontiguousarray(moments[:, begin : begin + MATRIX])) for begin in (0, MATRIX)
     ]
@@ -158,7 +159,7 @@ def _build_problems(patch: Patch, moments: Float64s, laplacian: Float64s, thread
     smoothness = stencil.sum(add_jumps, hinges, patch.corners, patch.areas)
     shares = np.repeat(patch.areas * patch.cover / 3, 3)
     weights = shares / max(float(shares.sum()), 1e-300)
-    areas = np.bincount(face_points.ravel(), weights=weights, minlength=len(used)).astype(np.float64, copy=False)
+    areas = np.bincount(face_points.ravel(), weights=weights, minlength=count).astype(np.float64, copy=False)
     problems = []
     for falloff in range(FALLOFF, moments.shape[1], 2 * HALF):
         halves = [
