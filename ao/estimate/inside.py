@@ -117,7 +117,8 @@ def _find_hidden(
         hide it; the rays' length.
     """
     of_face, of_point, reach = solids
-    (rays, valid), directions = packet, table.directions
+    rays, valid = packet
+    directions = table.directions
     samples = directions.shape[2]
     ids = rays.view(np.uint32)
     for i in range(len(points.origins)):

@@ -12,14 +12,7 @@ from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.kernel.vector import add, divide, dot, length, load, scale, store, subtract
 from obscurance.raytrace.mesh.placement import ULP
 from obscurance.raytrace.ray_origins.origins import OFFSET_ULPS
-from obscurance.raytrace.types import (
-    Float32Grid,
-    Float64Grid,
-    Float64Rows,
-    Float64s,
-    Int64Rows,
-    Int64s,
-)
+from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64Rows, Float64s, Int64Rows, Int64s
 
 from ..points.points import PointArrays
 from ..points.smooth_surface import leaning

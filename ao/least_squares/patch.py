@@ -166,7 +166,8 @@ class Moments:
         return np.zeros((len(self), columns(*self.hemispheres.mu.shape))), np.zeros((len(self), 3), np.int64)
 
     def writer(self, scene: RayScene, tables: Outputs) -> Callable[[int, int], None]:
-        gather, falloffs = self.hemispheres.gatherer(scene), self.hemispheres.mu.shape
+        gather = self.hemispheres.gatherer(scene)
+        falloffs = self.hemispheres.mu.shape
         directions = self.hemispheres.samples, scene.cone
 
         def write(start: int, stop: int) -> None:
@@ -200,7 +201,9 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> Gathered:
     has one: a room whose walls face outwards has none but hidden ones. With `--interior fill` such faces count only
     where no edges lead from them to visible ones.
     """
-    placement, progress, options = prepared.placement, prepared.progress, prepared.options
+    placement = prepared.placement
+    progress = prepared.progress
+    options = prepared.options
     # Many samples of few rays each, spread evenly over the faces.
     rays = int(np.clip(options.rays // 2 // _FEWEST_RAYS * _FEWEST_RAYS, _FEWEST_RAYS, _MOST_RAYS))
     count = max(total // rays, 1)
