@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
 
@@ -21,6 +21,7 @@ from ..rays.traverse import TraversalState
 from .kept import NOTHING_KEPT, Kept
 from .work import KeptRowTask, Outputs
 
+_AT_ONCE = 1 << 20  # points
 Progress = Callable[[int, int, str], None]
 
 
@@ -70,7 +71,7 @@ class Hemispheres:
     def gatherer(self, scene: RayScene) -> Callable[[Points, Float64s], None]:
         """A function that gathers the hemispheres at some of the points into rows (k, c, COLUMNS), from any thread."""
         table, mu, t_max = self.directions(scene), self.mu, self.t_max
-        tree, idle = scene.tree, deque[tuple[Rays, TraversalState]]()  # as many at most as threads
+        tree, idle = scene.hierarchy.tree, deque[tuple[Rays, TraversalState]]()  # as many at most as threads
 
         def gather(points: Points, out: Float64s) -> None:
             try:
@@ -86,6 +87,10 @@ class Hemispheres:
 
 class Means(Protocol):
     """Makes the rows of sites of several places; see `SampleMeans` and `FoldedMeans`."""
+
+    @property
+    def by_blocks(self) -> bool:
+        """Whether rows depend on which others are made with them."""
 
     def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32, leap: int, elsewhere: bool) -> Float64s:
         """Rows (k, …, COLUMNS) of the sites that `points` stand for, by about so many `rays` each; see `gather`."""
@@ -118,6 +123,15 @@ class Tracer:
         else:
             rows = self.fill(self.hemispheres(points, samples, key, leap))[0]
         return rows.reshape(-1, self.columns, COLUMNS)
+
+    def gather_in_parts(
+        self, points: Points, samples: int, key: np.uint32, leap: int = 1, elsewhere: bool = False
+    ) -> Iterator[tuple[slice, Float64s]]:
+        """Parts of the points, so many that their rows fit into memory, and `gather` of each."""
+        step = len(points) if self.means and self.means.by_blocks else _AT_ONCE
+        for start in range(0, len(points), step or 1):
+            part = slice(start, start + step)
+            yield part, self.gather(points[part], samples, key, leap, elsewhere)
 
     @property
     def columns(self) -> int:

@@ -8,9 +8,9 @@ import numpy as np
 from obscurance.raytrace.kernel.jit import inline
 from obscurance.raytrace.kernel.vector import add, dot, length, load, load_triangle, scale, store, subtract, unit
 from obscurance.raytrace.mesh.weld import CREASE
-from obscurance.raytrace.ray_origins.surface import Surface
+from obscurance.raytrace.ray_origins.surface import Surface, front
 from obscurance.raytrace.system.parallel import each
-from obscurance.raytrace.types import Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
+from obscurance.raytrace.types import Float32Rows, Float32s, Float64Rows, Float64s, Int32Rows, Int32s, Int64s
 
 from .receivers import Receivers
 
@@ -77,7 +77,7 @@ class SmoothSurface(NamedTuple):
                 for vectors in (receivers.points.normals, receivers.surface_normals)
             )
         )
-        return cls(axes, Surface.of(vertices, receivers.faces, receivers.face_normals(vertices)[0]))
+        return cls(axes, Surface.of(vertices, receivers.faces, receivers.backwards))
 
     def positions_at(self, face: Int32s, barycentric: Float32s, threads: int) -> Float32s:
         """Positions (k, 3) of points on faces (k,)."""
@@ -98,8 +98,8 @@ def _interpolate(
     i: int,
     face: Int32s,
     barycentric: Float32Rows,
-    vertices: Float64Rows,
-    faces: Int64Rows,
+    vertices: Float32Rows | Float64Rows,
+    faces: Int32Rows,
     positions: Float32Rows,
 ) -> None:
     """Write the positions of points on faces, by their barycentric coordinates."""
@@ -119,7 +119,7 @@ def point_on(surface, vertex_axes, f, barycentric):
     p = _interpolated(surface.vertices, surface.faces, f, barycentric)
     axis = _interpolated(vertex_axes.axes, surface.faces, f, barycentric)
     smooth = _interpolated(vertex_axes.normals, surface.faces, f, barycentric)
-    normal = load(surface.normals, f)
+    normal = front(surface, f)
     size = length(axis)
     cosine = dot(axis, normal)
     is_own = axis == smooth

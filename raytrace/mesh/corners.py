@@ -5,13 +5,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..types import Float64s, Int64s
+from ..types import AnyInts, Float64s, Int64s
 from .mesh import Mesh, PerCorner
 from .normals import corner_normals
 from .weld import first_alike
 
 
-def unique_rows(columns: Sequence[Int64s]) -> tuple[Int64s, Int64s]:
+def unique_rows(columns: Sequence[AnyInts]) -> tuple[Int64s, Int64s]:
     """The first row (k,) of each kind, in ascending order of the columns (n,), and the kind (n,) of each row."""
     keys = np.stack(columns, axis=1)
     alike = first_alike(keys)
@@ -23,8 +23,8 @@ def unique_rows(columns: Sequence[Int64s]) -> tuple[Int64s, Int64s]:
 
 
 def split_corners(
-    corners: Int64s, places: Int64s, several: list[PerCorner], keep: int
-) -> tuple[Int64s, Int64s, Int64s]:
+    corners: AnyInts, places: Int64s, several: list[PerCorner], keep: int
+) -> tuple[AnyInts, Int64s, Int64s]:
     """One vertex for every combination of a vertex with what its corners have; of `keep` vertices all come first.
 
     Args: places: (m, 3) of triangles in `corners`. Returns: vertices (k,), faces (m, 3), and the place of a corner like
@@ -54,7 +54,7 @@ class SplitMesh(NamedTuple):
 
     mesh: Mesh
     normals: Float64s
-    vertices: Int64s
+    vertices: AnyInts
     like: Int64s
 
 

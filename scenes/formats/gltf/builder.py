@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from obscurance.raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Float64s
 
 from .accessors import COMPONENTS
 from .asset import BIN_CHUNK, JSON_CHUNK
@@ -67,7 +67,7 @@ class GlbBuilder:
         return offset
 
     def annotate(
-        self, primitive: dict[str, Any], bake: Bake, vertices: Int64s, colors: str, stored: npt.NDArray[Any] | None
+        self, primitive: dict[str, Any], bake: Bake, vertices: AnyInts, colors: str, stored: npt.NDArray[Any] | None
     ) -> None:
         """Give a primitive w of its vertices, and the profile in 16 bits, four columns an attribute.
 

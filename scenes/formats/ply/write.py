@@ -6,7 +6,7 @@ import numpy as np
 
 from obscurance.ao import Bake
 from obscurance.raytrace.mesh.mesh import Mesh, up_axis
-from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.normals import face_areas
 
 from ...asset.asset import Asset
 from ...asset.primitive import float_normals
@@ -103,7 +103,7 @@ def _of_polygons(bake: Bake, asset: Asset) -> Bake:
     polygon = asset.triangles.polygons
     if polygon is None:
         return replace(bake, profile=None)
-    areas = np.maximum(face_normals(bake.mesh.vertices, bake.mesh.faces)[1], 1e-300)
+    areas = np.maximum(face_areas(bake.mesh.vertices, bake.mesh.faces), 1e-300)
     w = np.bincount(polygon, areas * bake.w) / np.bincount(polygon, areas)
     below = bake.below and _of_polygons(bake.below, asset)
     return replace(bake, w=w, below=below, profile=None)
