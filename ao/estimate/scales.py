@@ -29,7 +29,7 @@ from .upsampling import upsample
 
 _LEVELS = 3  # above the points
 _FEWEST = 1024  # points of a level that is worth one above it
-_BLOCK = 1 << 17  # points that are shrunk at once
+_BLOCK = 1 << 17  # points or cells that are in memory twice at once
 _REACH = 4  # cells over which squared residuals are averaged
 _AMOUNTS = 2.0, 1.2, 0.8, 0.5, 0.25, 0.0  # times the expected noise: what may be in residuals
 _JUMP = 3.0  # times the noise may be in the mean squared residual of a point and its neighbours
@@ -120,7 +120,7 @@ class _Detail(NamedTuple):
     error: Float64s  # (k,), its squared error expected
     predicted: Float32Rows  # (k, 2 a), w by each amount, then their squared errors expected
     cell: Int32s  # (k,)
-    around: Float32Rows  # (c, SHORT), means around each cell: the noise expected, then squared residuals by each amount
+    around: Float32Rows  # (c, 1 + a), means around each cell: the noise expected, then squared residuals by each amount
     jump: Float32s  # (k,), what squared residuals are at least
 
     @classmethod
@@ -131,9 +131,12 @@ class _Detail(NamedTuple):
         which jumps are found, where no wider surroundings count; None: none are sought."""
         cell = coarse.cells.cell
         predicted = upsample(points, cell, coarse.neighbours, coarse.points, above)
-        around = np.zeros((len(coarse.points), SHORT), np.float32)
-        _compare.on(coarse.neighbours.threads)(coarse.cells, *estimates, predicted, around)
-        around = coarse.neighbours.smooth(around, _REACH)
+        around = np.empty((len(coarse.points), 1 + above.shape[1] // 2), np.float32)
+        for block in coarse.neighbours.blocks(_BLOCK, _REACH):
+            means = np.zeros((len(block.rows), SHORT), np.float32)
+            _compare.on(block.neighbours.threads)(block.rows, coarse.cells, *estimates, predicted, means)
+            means = block.neighbours.smooth(means, _REACH)
+            around[block.of_all] = means[block.of_rows, : around.shape[1]]
         if finest is None:
             return cls(*estimates, predicted, cell, around, np.zeros(len(points), np.float32))
         # A point and its neighbours together are far beyond their noise.
@@ -177,15 +180,18 @@ def _average(
         out[c, column] /= total * total if column == BATCH_VARIANCE else total
 
 
-@each("around")
-def _compare(c: int, cells: Cells, w: Float64s, error: Float64s, predicted: Float32Rows, around: Float32Rows) -> None:
-    """Fill in the first columns of `around` with means over each cell."""
+@each("rows")
+def _compare(
+    row: int, rows: Int64s, cells: Cells, w: Float64s, error: Float64s, predicted: Float32Rows, means: Float32Rows
+) -> None:
+    """Fill in the first columns of `means`, over each of some cells."""
+    c = rows[row]
     size = np.float32(cells.starts[c + 1] - cells.starts[c])
     for k in range(cells.starts[c], cells.starts[c + 1]):
         i = cells.members[k]
-        around[c, 0] += error[i] / size
+        means[row, 0] += error[i] / size
         for a in range(predicted.shape[1] // 2):
-            around[c, 1 + a] += (w[i] - predicted[i, a]) ** 2 / size
+            means[row, 1 + a] += (w[i] - predicted[i, a]) ** 2 / size
 
 
 @each("w")
@@ -229,7 +235,8 @@ def _cells_of_cells(graph: Neighbours, points: Points) -> Iterator[_Level]:
         cells = Cells.about_four(graph)
         if len(points) < _FEWEST or 2 * len(cells.centres) > len(points):
             break
-        coarse = points[cells.centres]
+        columns = (column[cells.centres] for column in (points.origins, points.normals, points.numbers))
+        coarse = Points(*columns, points.lifts[:0])  # no ray starts from them
         cell_weight = np.empty(len(coarse), np.float32)
         _centre.on(graph.threads)(cells, weight, points.arrays, coarse.arrays, cell_weight)
         points, weight = coarse, cell_weight

@@ -190,7 +190,7 @@ def _build_embree(shapes: list[_PlacedShape], rank: Int64s, matrices: Float64s) 
 
 def _polygons(shapes: list[_PlacedShape]) -> Polygons:
     """The polygons of all shapes' meshes, numbered behind their vertices."""
-    none = mesh_polygons(np.empty((0, 3), np.float32), np.empty((0, 3), np.int64), None)
+    none = mesh_polygons(np.empty((0, 3), np.float32), np.empty((0, 3), np.int32), None)
     meshes = [placed.shape.mesh for placed in shapes]
     if all(mesh.polygons is None for mesh in meshes):
         return none
