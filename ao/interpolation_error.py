@@ -44,13 +44,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     # Points on faces, whose hemispheres lie between those of the faces' vertices.
     face, weights = _spread(areas, derive(prepared.key, 7))
     corners = receivers.faces[face]
-    corner_points = receivers.of_vertex[corners]
-    axes = VertexAxes(
-        *(
-            np.where(corner_points[..., None] < 0, 0.0, vectors[corner_points].astype(np.float64)).reshape(-1, 3)
-            for vectors in (receivers.points.normals, receivers.surface_normals)
-        )
-    )
+    axes = VertexAxes.of(receivers, receivers.of_vertex[corners].ravel())
     points, located = _on_faces(vertices[corners], receivers.backwards[face], axes, weights)
     del vertices, areas
 

@@ -86,6 +86,7 @@ class Round(NamedTuple):
                 sites.graph, sites.traced_points, gathered, level, checks.rows, checks.mean_squared
             )
             _leave_out_harm(sites, checks, gathered, level, w, error)
+            _keep_mean(sites, raw, w, error)
         else:
             w = raw.astype(np.float64)
             error = _alone(gathered, level)
@@ -155,6 +156,20 @@ def _leave_out_harm(
         if len(probed) and float(np.sum(probed)) <= 0:
             w[kinds == kind] = gathered[kinds == kind, W]
             error[kinds == kind] = _alone(gathered, level)[kinds == kind]
+
+
+def _keep_mean(sites: Sites, raw: AnyFloats, w: Float64s, error: Float64s) -> None:
+    """Give w (b,), denoised, the mean over all sites that the unbiased `raw` (b,) has, in place and within [0, 1]: to
+    each that denoising has changed in proportion to the root of its squared error expected (b,).
+
+    After: Wang, Fuller & Qu 2008, Small area estimation under a restriction.
+    """
+    np.clip(w, 0, 1, out=w)
+    missing = float(sites.counts @ (raw - w))
+    share = np.sqrt(error)
+    share *= w != raw
+    share *= missing / max(float(sites.counts @ share), 1e-300)
+    w += share
 
 
 def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint32) -> tuple[list[Round], Int64s]:

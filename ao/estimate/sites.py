@@ -63,6 +63,11 @@ class Sites:
         """The rows of the b sites that are traced, ascending."""
         return slice(None) if self.cell is None else self._cells.centres
 
+    @property
+    def counts(self) -> Float64s:
+        """How many sites each traced one (b,) stands for."""
+        return np.ones(len(self)) if self.cell is None else np.diff(self._cells.starts).astype(np.float64)
+
     def traced_of(self, rows: Int64s) -> Int64s:
         """Which of the traced sites each of some `rows` (j,) is or is predicted from."""
         return rows if self.cell is None else self._cells.cell[rows].astype(np.int64)

@@ -10,7 +10,7 @@ from obscurance.raytrace.kernel.vector import add, dot, length, load, load_trian
 from obscurance.raytrace.mesh.weld import CREASE
 from obscurance.raytrace.ray_origins.surface import Surface, front
 from obscurance.raytrace.system.parallel import each
-from obscurance.raytrace.types import Float32Rows, Float32s, Float64Rows, Float64s, Int32Rows, Int32s, Int64s
+from obscurance.raytrace.types import AnyInts, Float32Rows, Float32s, Float64Rows, Float64s, Int32Rows, Int32s, Int64s
 
 from .receivers import Receivers
 
@@ -61,6 +61,13 @@ class VertexAxes(NamedTuple):
     axes: Float64Rows
     normals: Float64Rows
 
+    @classmethod
+    def of(cls, receivers: Receivers, points: AnyInts) -> Self:
+        """Those at some of the receivers' points (n,), zero for −1."""
+        vectors = receivers.points.normals, receivers.surface_normals
+        none = np.zeros((1, 3), np.float32)
+        return cls(*(np.concatenate([of_points, none])[points].astype(np.float64) for of_points in vectors))
+
 
 class SmoothSurface(NamedTuple):
     """Faces in render space, their normals on their fronts, and the axes of their vertices."""
@@ -71,13 +78,8 @@ class SmoothSurface(NamedTuple):
     @classmethod
     def of(cls, vertices: Float64s, receivers: Receivers) -> Self:
         """The faces of `receivers` over `vertices` (n, 3)."""
-        axes = VertexAxes(
-            *(
-                np.concatenate([vectors, np.zeros((1, 3), np.float32)])[receivers.of_vertex].astype(np.float64)
-                for vectors in (receivers.points.normals, receivers.surface_normals)
-            )
-        )
-        return cls(axes, Surface.of(vertices, receivers.faces, receivers.backwards))
+        faces = Surface.of(vertices, receivers.faces, receivers.backwards)
+        return cls(VertexAxes.of(receivers, receivers.of_vertex), faces)
 
     def positions_at(self, face: Int32s, barycentric: Float32s, threads: int) -> Float32s:
         """Positions (k, 3) of points on faces (k,)."""
