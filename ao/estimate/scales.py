@@ -235,8 +235,9 @@ def _cells_of_cells(graph: Neighbours, points: Points) -> Iterator[_Level]:
         cells = Cells.about_four(graph)
         if len(points) < _FEWEST or 2 * len(cells.centres) > len(points):
             break
-        columns = (column[cells.centres] for column in (points.origins, points.normals, points.numbers))
-        coarse = Points(*columns, points.lifts[:0])  # no ray starts from them
+        centres = cells.centres
+        no_lifts = points.lifts[:0]  # no ray starts from cells
+        coarse = Points(points.origins[centres], points.normals[centres], points.numbers[centres], no_lifts)
         cell_weight = np.empty(len(coarse), np.float32)
         _centre.on(graph.threads)(cells, weight, points.arrays, coarse.arrays, cell_weight)
         points, weight = coarse, cell_weight

@@ -24,7 +24,7 @@ def unique_rows(columns: Sequence[AnyInts]) -> tuple[Int64s, Int64s]:
 
 def split_corners(
     corners: AnyInts, places: Int64s, several: list[PerCorner], keep: int
-) -> tuple[AnyInts, Int64s, Int64s]:
+) -> tuple[Int64s, Int64s, Int64s]:
     """One vertex for every combination of a vertex with what its corners have; of `keep` vertices all come first.
 
     Args: places: (m, 3) of triangles in `corners`. Returns: vertices (k,), faces (m, 3), and the place of a corner like
@@ -32,7 +32,7 @@ def split_corners(
     """
     flat = places.ravel()
     example, inverse = unique_rows([corners[flat], *(values.of[flat] for values in several)])
-    vertices = corners[flat[example]]
+    vertices = corners[flat[example]].astype(np.int64)
     if not keep:
         return vertices, inverse.reshape(-1, 3), flat[example]
     repeated = np.concatenate([[False], vertices[1:] == vertices[:-1]])
@@ -54,7 +54,7 @@ class SplitMesh(NamedTuple):
 
     mesh: Mesh
     normals: Float64s
-    vertices: AnyInts
+    vertices: Int64s
     like: Int64s
 
 
