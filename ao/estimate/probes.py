@@ -73,8 +73,8 @@ class Copies:
         for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
             which = np.flatnonzero(more == count)
             leap = _SHARERS if shared and count < _ENOUGH else 1
-            subset = self.points if len(which) == len(self.points) else self.points[which]
-            for part, rows in tracer.gather_in_parts(subset, count, key, leap, self.elsewhere):
+            some = None if len(which) == len(self.points) else which
+            for part, rows in tracer.gather_in_parts(self.points, count, key, leap, self.elsewhere, some):
                 for column, gathered in enumerate(self.gathered):
                     new = np.ascontiguousarray(rows[:, column], np.float64)
                     _combine.on(tracer.threads)(which[part], self.worth, float(count) ** RATE, new, gathered)

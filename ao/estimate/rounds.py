@@ -211,6 +211,7 @@ def to_tolerance(
             probes.grow(sites, own.rays)
         more[:] = 0
         rounds = _rounds(own, sites, sets, denoise)
+        tracer.scene.hierarchy.release()
         if max(round_.mean for round_ in rounds) <= goal:  # sites expected to be far off get rays of their own
             worst = np.any([round_.errs_by_more(_WORST * tolerance) for round_ in rounds], axis=0)
             have = own.rays[sites.traced]

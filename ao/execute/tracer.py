@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
-from obscurance.raytrace.types import Float64s
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ..mu import KernelMu
 from ..points.points import Points
@@ -125,13 +125,24 @@ class Tracer:
         return rows.reshape(-1, self.columns, COLUMNS)
 
     def gather_in_parts(
-        self, points: Points, samples: int, key: np.uint32, leap: int = 1, elsewhere: bool = False
+        self,
+        points: Points,
+        samples: int,
+        key: np.uint32,
+        leap: int = 1,
+        elsewhere: bool = False,
+        rows: Int64s | None = None,
     ) -> Iterator[tuple[slice, Float64s]]:
-        """Parts of the points, so many that their rows fit into memory, and `gather` of each."""
-        step = len(points) if self.means and self.means.by_blocks else _AT_ONCE
-        for start in range(0, len(points), step or 1):
+        """Parts of the points, so many that their rows fit into memory, and `gather` of each.
+
+        Args: rows: (j,), which of the points; None: all.
+        """
+        count = len(points if rows is None else rows)
+        step = count if self.means and self.means.by_blocks else _AT_ONCE
+        for start in range(0, count, step or 1):
             part = slice(start, start + step)
-            yield part, self.gather(points[part], samples, key, leap, elsewhere)
+            some = points[part if rows is None else rows[part]]
+            yield part, self.gather(some, samples, key, leap, elsewhere)
 
     @property
     def columns(self) -> int:
