@@ -77,7 +77,7 @@ class Option(NamedTuple):
 
 
 def known_names(function: Callable[P, T]) -> Callable[P, T]:
-    """The function, but for an argument of a name that it has not an OptionError with the nearest one."""
+    """Wrap a function: an argument of an unknown name is an OptionError with the nearest name."""
     names = signature(function).parameters
 
     @wraps(function)

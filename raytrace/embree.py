@@ -1,4 +1,4 @@
-"""The only door to Embree: its C library, scenes to trace rays in, packets of rays for kernels, closest hits of arrays.
+"""The interface to Embree: its C library, scenes to trace rays in, packets of rays for kernels, closest hits of arrays.
 
 Nothing else imports embreex. Its extension module is linked to the Embree it ships, so opening that module with ctypes
 resolves Embree's whole C API without guessing where a wheel keeps the library; to import it would bring Python's

@@ -1,10 +1,10 @@
 # The public names, imported when first used; type checkers read them here, and so does the package.
 from .asset.asset import Asset as Asset
+from .asset.objects import select_objects as select_objects
 from .bake.uv import unwrap as unwrap
 from .description.description import SceneDescription as SceneDescription
 from .description.read import read_scene as read_scene
 from .formats.load import load as load
-from .formats.objects import select_objects as select_objects
 from .formats.stored_w import read_w as read_w
 from .formats.write import write as write
 from .geometry.builtin_shapes import SOLIDS as SOLIDS

@@ -123,14 +123,23 @@ def entry_points(monkeypatch: pytest.MonkeyPatch) -> dict[str, list[object]]:
 
 @pytest.fixture(scope="session")
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that `obscurance demo` makes; processes of pytest-xdist share it."""
+    """The folder that `obscurance demo` makes, of a coarse temple in a small picture; processes of pytest-xdist share
+    it.
+    """
     from command import succeeded
+
+    from obscurance.raytrace import Settings
+    from obscurance.scenes.commands import demo
+    from obscurance.scenes.geometry.builtin_shapes import temple
 
     base = tmp_path_factory.getbasetemp()
     shared = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "demonstration"
     if not shared.exists():
         folder = tmp_path_factory.mktemp("demonstration") / "demo"
-        succeeded("demo", "-o", folder)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(demo, "_HALF", Settings(width=180, height=140))
+            patch.setattr(demo, "temple", lambda: temple(fineness=0.6))
+            succeeded("demo", "-o", folder)
         with suppress(OSError):  # another has been faster
             folder.rename(shared)
     return shared

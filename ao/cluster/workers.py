@@ -130,7 +130,7 @@ class SharedScene:
 
 
 def copied(shared: SharedScene) -> SharedScene:
-    """A task that makes the scene's bytes a worker's, once more if these are lost."""
+    """The bytes of a scene, as a task that Dask runs on a worker, again if all copies are lost."""
     return shared
 
 

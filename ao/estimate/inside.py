@@ -1,4 +1,4 @@
-"""Vertices inside a solid: near parts that are closed, and found by the backs of faces that they see."""
+"""Vertices inside a solid: those near closed parts that see backs of faces by most of their rays."""
 
 from collections.abc import Callable
 from weakref import WeakKeyDictionary

@@ -1,4 +1,4 @@
-"""How many rays points get, at first and by the error that is left, for the least work; what rays alone err by."""
+"""Ray allocation: rays of points at first, then by the error that is left, for the least work; errors by rays alone."""
 
 import numpy as np
 

@@ -165,10 +165,10 @@ def _keep_mean(sites: Sites, raw: AnyFloats, w: Float64s, error: Float64s) -> No
     After: Wang, Fuller & Qu 2008, Small area estimation under a restriction.
     """
     np.clip(w, 0, 1, out=w)
-    missing = float(sites.counts @ (raw - w))
+    missing = float(np.sum(sites.counts * (raw - w)))
     share = np.sqrt(error)
     share *= w != raw
-    share *= missing / max(float(sites.counts @ share), 1e-300)
+    share *= missing / max(float(np.sum(sites.counts * share)), 1e-300)
     w += share
 
 

@@ -1,4 +1,4 @@
-"""Denoising over scales: what one-rings leave of the noise on a dense mesh, larger cells of points take away.
+"""Denoising over scales: on a dense mesh, larger cells of points take away the noise that one-rings leave.
 
 Points are joined into cells of four, cells into larger ones, and values averaged over each. Every level is denoised
 by its own one-rings (`shrinkage`); from the coarsest down, what a level says is then shrunk towards what the level

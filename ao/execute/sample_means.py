@@ -147,10 +147,7 @@ class FoldedMeans(NamedTuple):
 
 @dataclass(eq=False)
 class MeansOfGroups:
-    """Means over groups of equally many samples, to be traced; rows are as of `Hemispheres`.
-
-    Those of several falloffs are float32, as all of them are kept on disk.
-    """
+    """Means over groups of equally many samples, to be traced; rows are as of `Hemispheres`, but float32."""
 
     hemispheres: Hemispheres  # at the samples, group after group
     samples: int  # of a group
@@ -174,8 +171,7 @@ class MeansOfGroups:
         return self.samples * self.hemispheres.rays
 
     def tables(self) -> Outputs:
-        columns = self.hemispheres.mu.shape
-        return (np.zeros((len(self), *columns, COLUMNS), np.float32 if columns else np.float64),)
+        return (np.zeros((len(self), *self.hemispheres.mu.shape, COLUMNS), np.float32),)
 
     def writer(self, scene: RayScene, tables: Outputs) -> Callable[[int, int], None]:
         table, gather = self.hemispheres.directions(scene), self.hemispheres.gatherer(scene)

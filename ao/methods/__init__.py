@@ -1,1 +1,1 @@
-"""What is sampled where: all over the faces for a fit, at faces, on a finer mesh; vertices are in `ao/baking.py`."""
+"""Methods of sampling: all over the faces for a fit, at faces, on a finer mesh; vertices are in `ao/baking.py`."""

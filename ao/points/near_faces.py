@@ -1,4 +1,4 @@
-"""What is near a cell of texels, so that w cannot be smooth in it: what rises beside it, and what lies over it.
+"""Tests for faces near a cell of texels, over which w cannot be smooth: faces that rise beside it or lie over it.
 
 Rays in a cone see what is near within the cone alone. So heights along its axis are multiplied by the tangent of half
 its angle, as if every cone were one of 45°; a cone that is wider counts as one of 45°.

@@ -21,8 +21,8 @@ from obscurance import ao
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.image.write import write_image
 from obscurance.scenes.asset.asset import Asset, Node
+from obscurance.scenes.asset.objects import select_objects
 from obscurance.scenes.asset.primitive import Primitive
-from obscurance.scenes.formats.objects import select_objects
 from obscurance.scenes.geometry.builtin_shapes import temple
 from obscurance.scenes.geometry.polyhedra import icosphere
 

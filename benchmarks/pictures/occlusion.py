@@ -21,7 +21,7 @@ from obscurance.raytrace.image.write import write_image
 from obscurance.raytrace.types import Float32s
 from obscurance.scenes.asset.asset import Asset
 from obscurance.scenes.description.description import framing
-from obscurance.scenes.description.gltf_scene import gltf_objects
+from obscurance.scenes.description.mesh_scene import placed, read_source
 from obscurance.scenes.formats.write import write
 from obscurance.scenes.geometry.builtin_shapes import Temple
 
@@ -43,7 +43,7 @@ def pictures(folder: Path) -> tuple[list[Float32s], list[Float32s]]:
     camera = framing(mesh, None, WIDTH, HEIGHT)
     lights = {"ambient": AMBIENT, "sun": SUN, "towards_sun": TOWARDS_SUN, "background": BACKGROUND}
     theirs = shown(files, camera, (WIDTH, HEIGHT), **lights)
-    objects, *_ = gltf_objects(files[1])
+    objects = [item for item, _ in placed(read_source(files[1]))]
     own_lights = (
         AmbientLight(intensity=(AMBIENT,) * 3),
         DirectionalLight(direction=tuple(-c for c in TOWARDS_SUN), intensity=(pi * SUN,) * 3),

@@ -37,7 +37,7 @@ _SMALL = 660, 410
 
 def known(bake: ao.Bake, name: str) -> Values:
     """A bake as a page takes it."""
-    return Values(bake.w, bake.error, bake.flags, bake.bent_normals, name)
+    return Values(bake.w, bake.error, bake.flags, bake.bent_normals, name=name)
 
 
 def opened(tab: Browser, page: Path, address: str = "", size: tuple[int, int] = _SIZE) -> None:

@@ -18,7 +18,7 @@ from obscurance.raytrace.types import Float32s
 from obscurance.scenes import unwrap
 from obscurance.scenes.asset.asset import Asset
 from obscurance.scenes.description.description import framing
-from obscurance.scenes.description.gltf_scene import gltf_objects
+from obscurance.scenes.description.mesh_scene import placed, read_source
 from obscurance.scenes.formats.gltf.textured import textured_glb
 from obscurance.scenes.geometry.builtin_shapes import Temple
 
@@ -33,7 +33,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "temple.glb"
         file.write_bytes(textured_glb(Asset.of(mesh), [baked])[0])
-        objects, *_ = gltf_objects(file)
+        objects = [item for item, _ in placed(read_source(file))]
         scene = Scene(objects, (AmbientLight(intensity=(0.9,) * 3),), (0.2, 0.25, 0.3))
         picture = render(scene, framing(mesh, None, WIDTH, HEIGHT), Settings(WIDTH, HEIGHT)).layers["beauty"][..., :3]
     covered = np.where(baked.covered, baked.w, 0.0)

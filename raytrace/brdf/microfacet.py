@@ -1,4 +1,4 @@
-"""What microfacet models share: Fresnel reflectance, facet distributions, attenuation by V-grooves, the coated base.
+"""Parts of microfacet models: Fresnel reflectance, facet distributions, attenuation by V-grooves, the coated base.
 
 Source: Torrance & Sparrow 1967; Beckmann & Spizzichino 1963; Cook & Torrance 1982; Born & Wolf 1999; (12.34–12.52).
 """

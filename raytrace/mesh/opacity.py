@@ -1,4 +1,4 @@
-"""Alpha of a mesh's faces: which share of the light that meets a place stops there.
+"""Alpha of a mesh's faces: the share of light that a place of them stops.
 
 As in glTF: alpha is a factor times a texture's alpha times that of vertex colours. With a cutoff a place is opaque
 where alpha reaches it and a hole elsewhere (MASK), without one it lets a share 1 − alpha through (BLEND).

@@ -1,4 +1,4 @@
-"""What kernels of shading read and write: packets of points, a scene, options, a thread's memory, the film.
+"""Records that kernels of shading read and write: packets of points, a scene, options, a thread's memory, the film.
 
 A packet is a float32 array (WIDTH, 16) of sixteen points; its first `FILM` rows are the layers of
 `raytrace.image.formats`. Positions are in render space. Shapes: o objects, v vertices and f faces of their shapes.

@@ -1,4 +1,4 @@
-"""What packages above do for results of those below, which do not import them: they offer it by entry points."""
+"""Entry points, by which packages above offer functions for results of those below, which do not import them."""
 
 from collections.abc import Callable
 from typing import Any

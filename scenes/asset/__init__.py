@@ -1,1 +1,1 @@
-"""One model of a mesh file, which every format is read into, and which whatever uses a mesh file takes."""
+"""One model of mesh files: every format is read into it, and every command takes it."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,14 +14,14 @@ import numpy.typing as npt
 
 from obscurance.raytrace.errors import MeshError, OptionError, first_names, printable
 from obscurance.raytrace.mesh.mesh import Mesh, PerCorner, mesh_of
-from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
+from obscurance.raytrace.mesh.opacity import Opacity
 from obscurance.raytrace.system.atomic import PathName
-from obscurance.raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ..geometry.instances import cofactors
 from ..geometry.polygons import Triangulation
-from .material import Lookup, Material
-from .primitive import COLOR, NORMAL, RAMP, Array, Column, ColumnSet, Primitive, W
+from .material import Lookup, Material, opacity_of, places
+from .primitive import BAKED, COLOR, NORMAL, RAMP, Array, Column, ColumnSet, Primitive, StoredBake, W
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
@@ -137,10 +137,17 @@ class Asset:
         return cls(Path(mesh.source), (only,), (Node(mesh.source, (0,)),), up=mesh.up).with_mesh(mesh)
 
     @classmethod
-    def single(cls, path: Path, name: str, primitive: Primitive, notes: Sequence[str] = (), **more: Any) -> Self:
-        """The content of a file of one object, with the notes on its polygons after `notes`."""
-        lines = dict.fromkeys((*notes, *primitive.triangles.notes))
-        return cls(path, (primitive,), (Node(name, (0,)),), warnings=lines, **more)
+    def single(cls, path: Path, name: str, primitive: Primitive, notes: Iterable[str] = (), **more: Any) -> Self:
+        """The content of a file of one object."""
+        return cls.several(path, (name,), (primitive,), notes, **more)
+
+    @classmethod
+    def several(
+        cls, path: Path, names: Iterable[str], primitives: Iterable[Primitive], notes: Iterable[str] = (), **more: Any
+    ) -> Self:
+        """The content of a file of an object for each primitive, as it stands."""
+        nodes = tuple(Node(name, (number,)) for number, name in enumerate(names))
+        return cls(path, tuple(primitives), nodes, warnings=dict.fromkeys(notes), **more)
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -313,13 +320,21 @@ class Asset:
         if len(self.parts) > 1:
             return {}
         columns = self.parts[0].primitive.columns
-        others = [name for name in columns if not name.startswith(("uv", RAMP)) and name not in (NORMAL, COLOR, W)]
+        others = [name for name in columns if not name.startswith(("uv", RAMP, W)) and name not in (NORMAL, COLOR)]
         return {name: columns[name].values for name in others if columns[name].values.ndim == 1}
 
     @property
     def w(self) -> Float64s | None:
         """(n,) obscurance that a bake has left in the file, unchecked, or None."""
         return self.at_vertices(W)
+
+    @property
+    def baked(self) -> StoredBake | None:
+        """All that a bake has left in the file, unchecked, or None without w."""
+        if self.w is None:
+            return None
+        columns: dict[str, Any] = {name: self.at_vertices(column) for name, column in BAKED.items()}
+        return StoredBake(**columns, profile=self.profile)
 
     @cached_property
     def profile(self) -> Profile | None:
@@ -366,67 +381,23 @@ class Asset:
     def looked_up(self, primitive: Primitive, lookup: Lookup | None) -> tuple[Column, Texture] | None:
         """Where a lookup reads, v upwards, and its texture; None without either. A picture of colours that cannot be
         had goes to `warnings`."""
-        places = self.places(primitive, lookup)
-        if lookup is None or places is None:
+        where = places(primitive, lookup)
+        if lookup is None or where is None:
             return None
         if lookup.fault:
             self.warnings[lookup.words] = None
             return None
-        return None if lookup.texture is None else (places, lookup.texture)
-
-    @staticmethod
-    def places(primitive: Primitive, lookup: Lookup | None) -> Column | None:
-        """Where a lookup reads, v upwards; None without such texture coordinates. Raises: `Lookup.error`."""
-        if lookup and lookup.error:
-            raise lookup.error
-        names = () if lookup is None else (f"uv{lookup.uv}", f"{RAMP}{lookup.uv}")
-        column = next((primitive.columns[name] for name in names if name in primitive.columns), None)
-        return column and lookup and column._replace(values=lookup.at(column.values))
+        return None if lookup.texture is None else (where, lookup.texture)
 
     def _opacity(self) -> Opacity | None:
         """Alpha of all faces; None where all are opaque."""
         made: dict[int, Opacity | None] = {}
         for part in self.parts:
             if part.number not in made:
-                made[part.number] = self.opacity_of(self.primitives[part.number])
+                made[part.number] = opacity_of(self.primitives[part.number], self.materials, self.warnings)
         each = [(made[part.number], part) for part in self.parts]
         placed = [one.reversed() if one and part.node.volume < 0 else one for one, part in each]
         return Opacity.joined(placed, [part.faces.stop - part.faces.start for part in self.parts])
-
-    def opacity_of(self, primitive: Primitive) -> Opacity | None:
-        """Alpha of a primitive's triangles; None where all are opaque."""
-        seen_through = {n for n, one in enumerate(self.materials) if one.surface(False) or one.surface(True)}
-        if not seen_through:
-            return None
-        material_of = primitive.of_faces(primitive.material)
-        count = len(material_of)
-        of = np.full(count, -1)
-        uv = np.zeros((count, 3, 2))
-        corners = np.ones((count, 3))
-        surfaces: list[AlphaSurface] = []
-        colours = primitive.columns.get(COLOR)
-        for number in seen_through.intersection(np.unique(material_of).tolist()):
-            material = self.materials[number]
-            faces = np.flatnonzero(material_of == number)
-            lookup = material.opacity_texture
-            places = None if material.alpha == "opaque" else self.places(primitive, lookup)
-            has_uv: Bools = np.zeros(len(faces), np.bool_)
-            if lookup and places and lookup.texture is None:
-                self.warnings[lookup.words] = None
-            elif places:
-                at_corners = places.values[primitive.rows(places)[faces]]
-                has_uv = np.asarray(~np.isnan(at_corners).any(axis=(1, 2)))
-                uv[faces[has_uv]] = at_corners[has_uv]
-            if material.alpha != "opaque" and colours and not colours.srgb and colours.values.shape[1] == 4:
-                corners[faces] = colours.values[:, 3].clip(0.0, 1.0)[primitive.rows(colours)[faces]]
-            for rows, with_uv in ((faces[has_uv], True), (faces[~has_uv], False)):
-                if len(rows) and (surface := material.surface(with_uv)):
-                    of[rows] = len(surfaces)
-                    surfaces.append(surface)
-        if not surfaces:
-            return None
-        has_textures = any(surface.texture for surface in surfaces)
-        return Opacity(of, tuple(surfaces), uv if has_textures else None, corners if (corners != 1).any() else None)
 
     def with_mesh(self, mesh: Mesh) -> Self:
         """The asset with another mesh of the same faces in place of its own."""
@@ -441,9 +412,9 @@ class Asset:
         return changed.with_mesh(self.mesh.reversed())
 
     def bare(self) -> Self:
-        """The asset with its mesh, w and profile alone, as one primitive, which frees the memory of all else."""
-        w = self.w
-        columns = ColumnSet({} if w is None else {W: Column(w)})
+        """The asset with its mesh and an earlier bake alone, as one primitive, which frees the memory of all else."""
+        left = {name: self.at_vertices(name) for name in BAKED.values()}
+        columns = ColumnSet({name: Column(values) for name, values in left.items() if values is not None})
         mesh = self.mesh
         only = Primitive.of(mesh.vertices, mesh.faces.ravel(), columns=columns, profile=self.profile)
         node = Node(self.nodes[0].name, (0,))

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from math import cos, sin
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
 from obscurance.raytrace.errors import InputError, MemoryLimitError
-from obscurance.raytrace.mesh.opacity import AlphaSurface
-from obscurance.raytrace.types import Float64s
+from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
+from obscurance.raytrace.types import Bools, Float64s
+
+from .primitive import COLOR, RAMP, Column, Primitive
 
 if TYPE_CHECKING:
     from obscurance.raytrace.image.texture import Texture
@@ -63,7 +65,6 @@ class Material(NamedTuple):
     opacity_texture: Lookup | None = None  # its alpha, or luminance, multiplied into `opacity`
     occlusion: Lookup | None = None
     images: tuple[tuple[int, Hashable], ...] | None = None  # sets and keys of all its images; None: `texture` alone
-    stored: Any = None  # what the reader keeps for pictures
 
     def surface(self, has_uv: bool) -> AlphaSurface | None:
         """The alpha of faces with or without texture coordinates; None: they are opaque."""
@@ -122,3 +123,50 @@ def is_opacity_map(path: Path, colour: Path | None) -> bool:
     except InputError:
         return False
     return path != colour or channels[0] in (2, 4)
+
+
+def places(primitive: Primitive, lookup: Lookup | None) -> Column | None:
+    """Where a lookup reads, v upwards; None without such texture coordinates. Raises: `Lookup.error`."""
+    if lookup is None:
+        return None
+    if lookup.error:
+        raise lookup.error
+    names = f"uv{lookup.uv}", f"{RAMP}{lookup.uv}"
+    column = next((primitive.columns[name] for name in names if name in primitive.columns), None)
+    return column and column._replace(values=lookup.at(column.values))
+
+
+def opacity_of(primitive: Primitive, materials: Sequence[Material], warnings: dict[str, None]) -> Opacity | None:
+    """Alpha of a primitive's triangles; None where all are opaque. Args: warnings: gets words on pictures left out."""
+    seen_through = {n for n, one in enumerate(materials) if one.surface(False) or one.surface(True)}
+    if not seen_through:
+        return None
+    material_of = primitive.of_faces(primitive.material)
+    count = len(material_of)
+    of = np.full(count, -1)
+    uv = np.zeros((count, 3, 2))
+    corners = np.ones((count, 3))
+    surfaces: list[AlphaSurface] = []
+    colours = primitive.columns.get(COLOR)
+    for number in seen_through.intersection(np.unique(material_of).tolist()):
+        material = materials[number]
+        faces = np.flatnonzero(material_of == number)
+        lookup = material.opacity_texture
+        where = None if material.alpha == "opaque" else places(primitive, lookup)
+        has_uv: Bools = np.zeros(len(faces), np.bool_)
+        if lookup and where and lookup.texture is None:
+            warnings[lookup.words] = None
+        elif where:
+            at_corners = where.values[primitive.rows(where)[faces]]
+            has_uv = np.asarray(~np.isnan(at_corners).any(axis=(1, 2)))
+            uv[faces[has_uv]] = at_corners[has_uv]
+        if material.alpha != "opaque" and colours and not colours.srgb and colours.values.shape[1] == 4:
+            corners[faces] = colours.values[:, 3].clip(0.0, 1.0)[primitive.rows(colours)[faces]]
+        for rows, with_uv in ((faces[has_uv], True), (faces[~has_uv], False)):
+            if len(rows) and (surface := material.surface(with_uv)):
+                of[rows] = len(surfaces)
+                surfaces.append(surface)
+    if not surfaces:
+        return None
+    has_textures = any(surface.texture for surface in surfaces)
+    return Opacity(of, tuple(surfaces), uv if has_textures else None, corners if (corners != 1).any() else None)

@@ -7,6 +7,7 @@ attributes do. All records are immutable: a change makes new ones that share eve
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
@@ -15,7 +16,7 @@ import numpy.typing as npt
 
 from obscurance.raytrace.image.colour import decode_srgb, encode_srgb
 from obscurance.raytrace.mesh.mesh import PerCorner
-from obscurance.raytrace.types import AnyInts, Float64s, Int64s
+from obscurance.raytrace.types import AnyFloats, AnyInts, Float64s, Int64s
 
 from ..geometry.polygons import Triangulation, triangulate
 
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
     from obscurance.ao import Profile
 
 Array = npt.NDArray[Any]
-NORMAL, COLOR, W = "normal", "color", "w"  # names of columns, as are "uv0", "uv1", …, and others as files have them
+NORMAL, COLOR = "normal", "color"  # names of columns, as are "uv0", "uv1", …, and others as files have them
+W = "obscurance"  # begins the names of all that a bake leaves
+BAKED = {"w": W, **{name: f"{W}_{name}" for name in ("error", "flags", "bent_normals")}}
+"""Names of a bake's attributes, and of the columns that hold them."""
 RAMP = "ramp"  # and a number in place of "uv": coordinates by which a bake looks up a ramp
 FLOAT = 3e38
 """No number of a file in float32 is larger."""
@@ -114,7 +118,6 @@ class Primitive(NamedTuple):
     object: Int64s | None = None  # (p,) in `Asset.names`, −1: that of the node; None: all are
     profile: Profile | None = None  # that a bake has left
     name: str = ""  # behind that of the node, where a mesh has several
-    stored: Any = None  # where the file has it
 
     @classmethod
     def of(cls, positions: Array, corners: Array, sizes: Array | None = None, source: Any = "", **more: Any) -> Self:
@@ -173,6 +176,32 @@ class Primitive(NamedTuple):
 
         columns = ColumnSet({name: partial(turned, name) for name in self.columns})
         return self._replace(corners=self.corners[order], triangles=triangles, columns=columns)
+
+
+@dataclass(frozen=True, eq=False)
+class StoredBake:
+    """What a bake has left of n vertices, None where that is unknown; an `ao.Bake` has the same attributes."""
+
+    w: AnyFloats  # (n,), in [0, 1]
+    error: AnyFloats | None = None  # (n,), standard error of w, in [0, 100]
+    flags: Array | None = None  # (n,), `ao.Flag`s
+    bent_normals: AnyFloats | None = None  # (n, 3), unit or zero
+    profile: Profile | None = None
+    rmse: float | None = None  # of `error`; None: over all vertices
+    at: str = "vertices"
+    below: None = None
+
+    def first(self, count: int) -> Self:
+        """The values of the first `count` vertices."""
+        of_vertices = {name: values[:count] for name in BAKED if (values := getattr(self, name)) is not None}
+        profile = self.profile and replace(self.profile, values=self.profile.values[:count])
+        return replace(self, **of_vertices, profile=profile)
+
+
+def known_columns(bake: Any) -> dict[str, Array]:
+    """What files hold of a bake by its attributes, floats and bytes of flags, as far as it is known."""
+    kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
+    return {name: values.astype(kind) for name, kind in kinds.items() if (values := getattr(bake, name)) is not None}
 
 
 def reverse_order(sizes: Array) -> Int64s:

@@ -19,8 +19,8 @@ from obscurance.raytrace.errors import ConflictError, OptionError
 from obscurance.raytrace.system.checks import make_folder
 
 from ..asset.asset import Asset
+from ..asset.objects import ObjectSelection, match, select_objects
 from ..formats.load import load
-from ..formats.objects import ObjectSelection, match, select_objects
 from ..formats.table import endings
 from ..geometry.instances import with_sides
 from ..show.progress import progress
@@ -132,33 +132,41 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
         from obscurance.ao.points.occluders import joined
 
         fine = joined([file.mesh for file in high], all_normals=True)
-    # What occludes besides.
-    low = float(source.mesh.vertices[:, 2].min())
-    occluders = [file.mesh if file.to_system is None else with_sides(file.mesh, low) for file in walls]
-    if options.ground:
-        occluders.append(ao.ground(chosen.mesh, plan.ground))
+    occluders = _occluders(plan, source.mesh, chosen.mesh, walls)
     arguments: dict[str, Any] = {"high": fine, "occluders": occluders}
     if options.match_names:
         arguments["groups"] = match(source, high)
     if cage:
         arguments["cage"] = cage[0].mesh
-    # Notes on the files, and on meshes of very different sizes or that may lie on their side.
     files = [source, *walls, *high, *cage]
     notes = [note for file in files for note in file.notes]
+    notes += _doubts(plan, source.mesh, [wall.mesh for wall in walls])
+    paths = [path for file in files for path in file.files]
+    return BakeInputs(source, chosen, layout, fine, occluders, arguments, paths, content, notes, started)
+
+
+def _occluders(plan: Plan, mesh: Mesh, chosen: Mesh, walls: Iterable[Asset]) -> list[Mesh]:
+    """What occludes besides the input's mesh, of which some is chosen: rasters with sides, and the ground."""
+    low = float(mesh.vertices[:, 2].min())
+    occluders = [file.mesh if file.to_system is None else with_sides(file.mesh, low) for file in walls]
+    return [*occluders, ao.ground(chosen, plan.ground)] if plan.options.ground else occluders
+
+
+def _doubts(plan: Plan, mesh: Mesh, walls: Iterable[Mesh]) -> Iterator[str]:
+    """Lines about occluders of another size or far away, and about an input that may lie on its side."""
     for wall in walls:
-        size = wall.mesh.radius / (source.mesh.radius or 1.0)
+        size = wall.radius / (mesh.radius or 1.0)
         if not 1e-3 < size < 1e3:
-            notes.append(f"{wall.mesh.source}: its radius is {size:.2g} of the mesh's: is its unit another?")
-        away = np.linalg.norm(wall.mesh.centre - source.mesh.centre) / (wall.mesh.radius + source.mesh.radius or 1.0)
+            yield f"{wall.source}: its radius is {size:.2g} of the mesh's: is its unit another?"
+        away = np.linalg.norm(wall.centre - mesh.centre) / (wall.radius + mesh.radius or 1.0)
         if away > _FAR:
-            notes.append(f"{wall.mesh.source}: it lies {away:.2g} radii away: is its reference system another?")
+            yield f"{wall.source}: it lies {away:.2g} radii away: is its reference system another?"
+    options = plan.options
     shown = any(path.suffix.lower() in (".html", ".glb") for path in (plan.output, options.report) if path)
     if options.ground or options.debug_image or shown:
         from obscurance.raytrace.mesh.warnings import lying_notes
 
-        notes += lying_notes(source.mesh)
-    paths = [path for file in files for path in file.files]
-    return BakeInputs(source, chosen, layout, fine, occluders, arguments, paths, content, notes, started)
+        yield from lying_notes(mesh)
 
 
 def expand(given: Iterable[Path]) -> list[Path]:

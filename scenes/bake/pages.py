@@ -30,7 +30,7 @@ from ..show.progress import progress
 from .uv import Coordinates, coordinates
 
 if TYPE_CHECKING:
-    from ..formats.objects import ObjectSelection
+    from ..asset.objects import ObjectSelection
     from .plan import Plan
 
 _SOME = 0.01  # of the texels of the smaller of two layouts, that may overlap

@@ -1,4 +1,4 @@
-"""What a bake says of itself: the summary of an output, its report, and options taken from an earlier report."""
+"""Reports of a bake: the summary of an output, the report, and options taken from an earlier report."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ from obscurance.raytrace.mesh.weld import connected_components
 from obscurance.raytrace.types import AnyInts, Bools, Float64s, Int32s, Int64s
 
 from ..asset.asset import Asset
-from ..formats.objects import ObjectSelection
+from ..asset.objects import ObjectSelection
 
 if TYPE_CHECKING:
     from .plan import Plan

@@ -1,4 +1,4 @@
-"""`bake --dry-run`: what a bake would take and write, from what the meshes count; no ray is traced."""
+"""`bake --dry-run`: rays, memory, time and outputs of a bake, from counts of its meshes; no ray is traced."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -9,6 +9,7 @@ from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_ending, check_outputs
 
 from ..asset.asset import Asset
+from ..asset.primitive import StoredBake
 from ..bake.console import warn
 from ..formats.falloffs import Scales
 from ..formats.images import check_texture_target, write_grey
@@ -17,7 +18,6 @@ from ..formats.stored_w import checked_profile, find_profile, read_beside_w
 from ..formats.table import endings
 from ..formats.unsupported import unsupported_features
 from ..formats.write import channels, check_target, npy, npz, write_vertices
-from ..show.page.encode import Values
 
 if TYPE_CHECKING:
     from obscurance.ao import Bake
@@ -51,9 +51,9 @@ def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None)
 
 def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> int:
     """Write a bake to vertices, and return their number."""
-    file = None if baked.suffix.lower() == ".npz" else load(baked, output)
-    profile = checked_profile(baked, file.profile if file else find_profile(baked))
-    file = load(mesh, output) if mesh else file
+    source = None if baked.suffix.lower() == ".npz" else load(baked, output)
+    profile = checked_profile(baked, source.profile if source else find_profile(baked))
+    file = load(mesh, output) if mesh else source
     arrays = {".npy": npy, ".npz": npz}.get(output.suffix.lower())
     if file is None and arrays is None:
         raise OptionError("mesh", f"--mesh with the mesh that {baked.name} belongs to", "none")
@@ -63,7 +63,8 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     shown = channels(output, None, None, False)
     if file:
         warn([], unsupported_features(output, file, shown))
-    values = cast("Bake", Values(w, flags=read_beside_w(baked, len(w)).get("flags"), profile=profile))
+    flags = source.baked.flags if source and source.baked else read_beside_w(baked, len(w)).get("flags")
+    values = cast("Bake", StoredBake(w, flags=flags, profile=profile))
     if arrays:
         write_bytes(output, arrays(values))
     elif file:

@@ -1,4 +1,4 @@
-"""A glTF or GLB file as a scene: objects, materials, base colour and occlusion textures, camera and lights.
+"""Materials, camera and lights of a glTF file in a scene.
 
 A camera's node looks along its −z with +y upwards. The vertical angle (or `ymag`) is kept whatever the picture's shape.
 Intensities of lights are taken as they are: candela as watts per steradian, lux as watts per square metre, times the
@@ -27,29 +27,15 @@ Format: Khronos glTF 2.0 specification, sections 3.9, 3.10 and appendix B; KHR_l
 KHR_materials_pbrSpecularGlossiness, 2017.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from math import cos, degrees, pi
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
-from obscurance.raytrace import (
-    Camera,
-    Material,
-    Mesh,
-    MeshError,
-    Object,
-    Occlusion,
-    OptionError,
-    Scene,
-    Settings,
-    Shape,
-    light_from_dict,
-    material_from_dict,
-)
+from obscurance.raytrace import Camera, Material, light_from_dict, material_from_dict
 from obscurance.raytrace.brdf.presets import eta_from_reflectance
 from obscurance.raytrace.errors import InputError
 from obscurance.raytrace.image.texture import texture_mean
@@ -58,16 +44,13 @@ from obscurance.raytrace.mesh.normals import normalize
 from obscurance.raytrace.system.records import Record
 from obscurance.raytrace.types import Float64s
 
-from ..asset.asset import Asset, Part
-from ..asset.primitive import NORMAL
+from ..asset.asset import Asset, Stored
 from ..formats.gltf import records
 from ..formats.gltf.asset import Gltf, entry
 from ..formats.gltf.records import parse
 from ..formats.gltf.textures import Textures
-from ..formats.load import parser_errors, read_asset
-from ..geometry.primitives import Origin
+from ..formats.load import parser_errors
 from ..json_toml import located
-from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, three_lights
 
 _FLOAT32_RIGHT_ANGLE = 1.5707964
 DIELECTRIC_F0 = 0.04
@@ -83,32 +66,34 @@ T = TypeVar("T")
 Surface = tuple[list[float], float, float, Float64s]  # base colour, roughness, metallic, F0
 
 
-class Materials:
-    """The materials of an asset; keys of textures that are represented by their means, and of what is not used."""
+def gltf_materials(source: Asset, numbers: Iterable[int]) -> dict[int, Material]:
+    """The reflection models that are nearest to materials of a glTF, by their numbers; the asset's warnings tell what
+    of them pictures do not show. Raises: SceneError, MeshError: malformed ones."""
+    reader = _Reader(source.raw)
+    made = {}
+    for number in numbers:
+        _ = source.material(number)
+        with located(source.path, f"materials[{number}]"):
+            made[number] = reader.model(reader.gltf.materials.materials[number])
+    words = [f"of {', '.join(sorted(reader.means))} the mean"] if reader.means else []
+    words += [f"left out {', '.join(sorted(reader.left_out))}"] if reader.left_out else []
+    if words:
+        source.warnings[f"materials: {'; '.join(words)}"] = None
+    return made
 
-    def __init__(self, textures: Textures) -> None:
-        self._textures = textures
-        self._asset = textures.asset
-        self._made: dict[int, Material] = {}
+
+class _Reader:
+    """Makes models; keys of textures that are represented by their means, and of what is not used."""
+
+    def __init__(self, raw: Stored | None) -> None:
+        assert isinstance(raw, Gltf)
+        self.gltf = raw
+        self._textures = Textures(raw)
         self._means: dict[tuple[int | None, bool], Float64s | None] = {}
         self.means: set[str] = set()
         self.left_out: set[str] = set()
 
-    def notes(self) -> dict[str, None]:
-        """A line about what materials have that pictures do not show."""
-        words = [f"of {', '.join(sorted(self.means))} the mean"] if self.means else []
-        words += [f"left out {', '.join(sorted(self.left_out))}"] if self.left_out else []
-        return {f"materials: {'; '.join(words)}": None} if words else {}
-
-    def of(self, number: int, coloured: bool) -> Material:
-        """A material by its number, −1 that of faces without, whose vertices may have colours."""
-        if number < 0:
-            return WHITE if coloured else NEUTRAL
-        if number not in self._made:
-            self._made[number] = self._material(self._asset.materials.materials[number])
-        return self._made[number]
-
-    def _material(self, stored: records.GltfMaterial) -> Material:
+    def model(self, stored: records.GltfMaterial) -> Material:
         """The reflection model that is nearest to a glTF material; textures other than the colour's become their
         means."""
         self.left_out |= {name for name in stored.extensions if name not in _READ}
@@ -155,7 +140,7 @@ class Materials:
         reference: records.TextureReference | None = getattr(record, key)
         if reference is None:
             return _WHITE
-        number = entry(self._asset.materials.textures, reference.index, "textures").image
+        number = entry(self.gltf.materials.textures, reference.index, "textures").image
         if (number, srgb) not in self._means:
             self._means[number, srgb] = None
             if number is not None:
@@ -166,83 +151,16 @@ class Materials:
         return unread if mean is None else mean
 
 
-def read_gltf(path: Path, settings: Settings, up: str | None, view: str | None) -> SceneDescription:
-    """A whole glTF scene; y is up, as glTF has it, unless `up` says otherwise.
-
-    Without a camera, or with a `view`, everything is framed; without lights there are three of our own.
-
-    Raises: as `gltf_objects`. OptionError: `up`, and the file has a camera of its own.
-    """
-    objects, asset, origins = gltf_objects(path)
-    raw = asset.raw
+def camera_and_lights(source: Asset, seen: bool) -> tuple[Camera | None, tuple[BaseLight, ...]]:
+    """The first camera of a file, None without or unless it is `seen`, and its lights. Raises: MeshError, SceneError:
+    malformed ones."""
+    raw = source.raw
     assert isinstance(raw, Gltf)
-    with parser_errors(path):
-        stage = parse(records.Stage, raw.header, path)
+    with parser_errors(source.path):
+        stage = parse(records.Stage, raw.header, source.path)
         cameras = _placed(raw, "camera", "cameras", stage.cameras, _camera)
-        own_camera = None if view else next(cameras, None)
         lights = tuple(_placed(raw, "light", records.LIGHTS, stage.lights, _light))
-        if own_camera and up is not None:
-            raise OptionError("--up", "a file without a camera", f"{path}, which has one")
-        camera = own_camera or framing(Scene(objects).flattened(), up, settings.width, settings.height, view)
-    scene = Scene(objects, lights or three_lights(camera), BACKGROUND)
-    of_objects = tuple(origins.get(item.shape) for item in objects)
-    return SceneDescription(
-        scene, camera, settings, files=asset.files, notes=asset.notes, origins=of_objects, lit_from_camera=not lights,
-        is_framed=own_camera is None,
-    )  # fmt: skip
-
-
-def gltf_objects(path: Path) -> tuple[tuple[Object, ...], Asset, dict[Shape, Origin]]:
-    """The drawn primitives of a file, sharing shapes by mesh and pose, the asset, whose notes tell what is left out,
-    and origins of the vertices of shapes that have some repeated.
-
-    Raises: MeshError: the file cannot be read, or draws no triangles. SceneError: a texture cannot be used.
-    """
-    asset = read_asset(path, alpha=True)
-    raw = asset.raw
-    if not isinstance(raw, Gltf):
-        raise MeshError(path, "file", "glTF or GLB", path.suffix)
-    with parser_errors(path):
-        _ = len(asset.materials)  # to find what is malformed
-        materials = Materials(Textures(raw))
-        shapes: dict[int, Shape] = {}
-        origins: dict[Shape, Origin] = {}
-        objects = []
-        for part in asset.parts:
-            if part.is_flattened:  # a scale of zero hides, in glTF
-                continue
-            if part.number not in shapes:
-                shapes[part.number], origin = _shape(asset, part, materials)
-                if origin:
-                    origins[shapes[part.number]] = origin
-            matrix = np.eye(4) if part.node.matrix is None else part.node.matrix
-            objects.append(Object(shapes[part.number], matrix, part.name))
-    if not objects:
-        raise MeshError(path, "nodes", "at least one triangle to see", "none")
-    asset.warnings.update(materials.notes())
-    return tuple(objects), asset, origins
-
-
-def _shape(asset: Asset, part: Part, materials: Materials) -> tuple[Shape, Origin | None]:
-    """The shape of a primitive, and its vertices' origin if some are repeated. Raises: SceneError."""
-    primitive = asset.primitives[part.number]
-    number = -1 if primitive.material is None or not len(primitive.material) else int(primitive.material[0])
-    material = asset.material(number)
-    used = asset.looked_up(primitive, material.texture)
-    at = asset.looked_up(primitive, material.occlusion)
-    normals = primitive.columns[NORMAL].values if NORMAL in primitive.columns else None
-    opacity = asset.opacity_of(primitive) if asset.has_alpha else None
-    mesh = Mesh(primitive.positions, primitive.faces, normals, source=f"{asset.path}: {part.name}", opacity=opacity)
-    occlusion = Occlusion(at[0].values, at[1], material.occlusion.strength) if at and material.occlusion else None
-    with located(asset.path, f"materials[{number if number >= 0 else None}]"):
-        colours = primitive.shown_colours
-        shown = materials.of(number, colours is not None)
-        uv, texture = (used[0].values, used[1]) if used else (None, None)
-        shape = Shape(mesh, shown, uv, texture, occlusion, colours=colours)
-        if shape.split is None:
-            return shape, None
-        split, of = shape.split
-        return split, Origin(of, len(mesh.vertices))
+        return next(cameras, None) if seen else None, lights
 
 
 def _placed(

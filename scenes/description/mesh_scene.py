@@ -1,53 +1,132 @@
-"""Mesh files but glTF as scenes and in scenes, with their materials, texture coordinates and colours of vertices.
+"""Mesh files as scenes and in scenes, with their materials, textures and colours of vertices.
 
-A file alone is a scene of an object for each of its materials, framed whole, under three lights. Kd and Ks of an OBJ's
-materials are the reflectances of Blinn–Phong, Ns is its exponent (Wavefront MTL 5.0, illum 2); divided by π, as
-Lambert's is, for lights in physical units.
+A file alone is a scene: an object for each of its parts and materials, framed whole, under three lights. glTF brings
+cameras and lights (`gltf_scene`). Kd and Ks of an OBJ's materials are the reflectances of Blinn–Phong, Ns is its
+exponent (Wavefront MTL 5.0, illum 2); divided by π, as Lambert's is, for lights in physical units.
 
 Neither OBJ nor PLY says how colours are encoded. They are taken as sRGB, as most programs write and show them. The grey
 that a bake has given a PLY shows w, and is no colour.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 
 import numpy as np
 
-from obscurance.raytrace import BlinnPhong, Lambert, Material, Object, Scene, Settings, Shape
+from obscurance.raytrace import (
+    BlinnPhong,
+    Camera,
+    Lambert,
+    Material,
+    MeshError,
+    Object,
+    Occlusion,
+    OptionError,
+    Scene,
+    Settings,
+)
 from obscurance.raytrace.errors import printable
-from obscurance.raytrace.mesh.corners import split_creases
+from obscurance.raytrace.lights.sources import BaseLight
+from obscurance.raytrace.mesh.corners import split_creases, split_hard_edges
 from obscurance.raytrace.mesh.warnings import lying_notes
+from obscurance.raytrace.scene import Shape
 from obscurance.raytrace.types import Float64s
 
 from ..asset import material as stored
-from ..asset.asset import Asset
-from ..formats.load import load
-from ..formats.objects import ObjectSelection
-from ..formats.table import is_raster
+from ..asset.asset import Asset, Node
+from ..asset.objects import ObjectSelection
+from ..asset.primitive import Column
+from ..formats.load import load, parser_errors, read_asset
+from ..formats.table import format_of, is_raster
 from ..geometry.primitives import Origin, TexturedMesh
 from .description import BACKGROUND, NEUTRAL, WHITE, SceneDescription, framing, sun_and_sky, three_lights
 
 _COLOURS = "colours", "texture of map_Kd", "texture of diffuse"  # how words on what is left out begin
+Placed = tuple[Object, Origin | None]
 
 
 def mesh_scene(source: Asset, settings: Settings, up: str | None = None, view: str | None = None) -> SceneDescription:
-    """The scene of a mesh, in its materials, the colours of its vertices, or grey. Args: up, view: as `framing`."""
-    shapes = list(_shapes(source))
-    objects = tuple(Object(shape, name=source.path.stem) for shape, _ in shapes)
-    camera = framing(source.mesh, up, settings.width, settings.height, view)
+    """The scene of a mesh file, in its materials, the colours of its vertices, or grey; glTF's with its camera, unless
+    there is a `view`, and its lights. Args: up, view: as `framing`.
+
+    Raises: as `placed`. OptionError: `up`, and the file has a camera of its own.
+    """
+    pairs = list(placed(source))
+    own_camera: Camera | None = None
+    lights: tuple[BaseLight, ...] = ()
+    if source.is_scene:
+        from .gltf_scene import camera_and_lights
+
+        own_camera, lights = camera_and_lights(source, view is None)
+    if own_camera and up is not None:
+        raise OptionError("--up", "a file without a camera", f"{source.path}, which has one")
     is_terrain = is_raster(source.path)
-    lit = Scene(objects, sun_and_sky() if is_terrain else three_lights(camera), BACKGROUND)
-    notes = (*source.notes, *colours_left_out(source.path, source.unread), *lying_notes(source.mesh, up))
-    origins = tuple(origin for _, origin in shapes)
+    shown = _shown(source)
+    camera = own_camera or framing(shown.mesh, up, settings.width, settings.height, view)
+    lit_from_camera = not lights and not is_terrain
+    lights = lights or (sun_and_sky() if is_terrain else three_lights(camera))
+    notes = [*source.notes, *colours_left_out(source.path, source.unread)]
+    if not source.up:
+        notes += lying_notes(shown.mesh, up)
     return SceneDescription(
-        lit, camera, settings, files=source.files, notes=notes, origins=origins, lit_from_camera=not is_terrain,
-        is_framed=True,
+        Scene(tuple(item for item, _ in pairs), lights, BACKGROUND), camera, settings, files=source.files,
+        notes=tuple(notes), origins=tuple(origin for _, origin in pairs), lit_from_camera=lit_from_camera,
+        is_framed=own_camera is None,
     )  # fmt: skip
 
 
+def read_source(path: Path) -> Asset:
+    """A mesh file for `placed`: glTF's, whose objects may be very many, without one mesh of all. Raises: MeshError."""
+    return read_asset(path, alpha=True) if "scene" in format_of(path).holds else load(path, names=True)
+
+
+def placed(source: Asset) -> Iterator[Placed]:
+    """The parts of a mesh file as objects, which share shapes by primitive, and the origins of their vertices.
+
+    Raises: MeshError: it is malformed, or draws no triangles. SceneError: a texture cannot be used.
+    """
+    shapes: dict[int, list[tuple[Shape, Origin | None]]] = {}
+    with parser_errors(source.path):
+        _ = len(source.materials)  # to find what is malformed
+        if all(part.is_flattened for part in source.parts):
+            raise MeshError(source.path, "nodes", "at least one triangle to see", "none")
+        shown = _shown(source)
+        models = _reflections(shown)
+        for part in shown.parts:
+            if part.number not in shapes:
+                alone = source
+                if len(source.parts) > 1 or part.node.matrix is not None:
+                    path = Path(f"{source.path}: {part.name}")  # as messages have it
+                    alone = replace(source, path=path, nodes=(Node(part.name, (part.number,)),))
+                shapes[part.number] = list(_shapes(alone, models))
+            matrix = np.eye(4) if part.node.matrix is None else part.node.matrix
+            for shape, origin in shapes[part.number]:
+                yield Object(shape, matrix, part.name), origin
+
+
+def _shown(source: Asset) -> Asset:
+    """The asset without parts of which there is nothing to see: a scale of zero hides, in glTF."""
+    seen = [part for part in source.parts if not part.is_flattened]
+    if len(seen) == len(source.parts):
+        return source
+    return replace(source, nodes=tuple(part.node._replace(primitives=(part.number,)) for part in seen))
+
+
+def _reflections(source: Asset) -> dict[int, Material]:
+    """The reflection models of the materials that primitives have, by their numbers."""
+    used = {number for part in source.parts for number in np.unique(part.primitive.of_faces(part.primitive.material))}
+    numbers = sorted(used - {-1})
+    if source.is_scene:
+        from .gltf_scene import gltf_materials
+
+        return gltf_materials(source, numbers)
+    return {number: reflection(source.material(number)) for number in numbers}
+
+
 def reflection(material: stored.Material) -> Material:
-    """A material of a mesh file as a reflection model."""
+    """A material of a mesh file but glTF as a reflection model."""
     if not any(material.specular) or not material.exponent:
         return Lambert(albedo=material.colour, emission=material.emission)
     diffuse = np.divide(material.colour, pi)
@@ -57,40 +136,49 @@ def reflection(material: stored.Material) -> Material:
     )
 
 
-def _shapes(source: Asset) -> Iterator[tuple[Shape, Origin | None]]:
-    """The shapes of a mesh file, one for the faces of each material, and their origins in the file.
-
-    Vertices are repeated at creases and where texture coordinates jump.
-    """
-    mesh = source.mesh
-    total = len(mesh.vertices)
-    colours = linear_colours(source)
+def _shapes(source: Asset, models: Mapping[int, Material]) -> Iterator[tuple[Shape, Origin | None]]:
+    """The shapes of a file's only part, one for the faces of each material, those without its texture coordinates
+    apart; and their origins in the file. Vertices are repeated at creases and where texture coordinates jump."""
+    primitive = source.parts[0].primitive
+    total = len(primitive.positions)
     uv = source.per_corner("uv0") if any(material.texture for material in source.materials) else None
-    several = [uv] if uv else []
+    jumps = uv is not None and primitive.columns["uv0"].of is not None
+    split = split_creases(source.mesh, [uv]) if uv and jumps else split_hard_edges(source.mesh)
+    mesh = split.mesh if split else source.mesh
+    of = split.vertices if split else np.arange(total)
 
-    # Vertices with one normal and one place in the texture each.
-    mesh, _, of, corner_like = split_creases(mesh, several)
-    origin = Origin(of, total)
-    if colours is not None:
-        colours = colours[of]
-    bare = NEUTRAL if colours is None else WHITE
-    if not source.materials:
-        yield Shape(mesh, bare, colours=colours), origin
-        return
+    def at_vertices(column: Column) -> Float64s:
+        rows = of if split is None or column.of is None else primitive.rows(column).ravel()[split.like]
+        return column.values[rows]
 
+    colours = primitive.shown_colours
     # The faces of each material, those without texture coordinates apart.
-    material_of = np.concatenate([part.primitive.of_faces(part.primitive.material) for part in source.parts])
-    at_vertices = uv.values[uv.of[corner_like]] if uv else np.full((len(mesh.vertices), 2), np.nan)
-    has_uv = ~np.isnan(at_vertices[mesh.faces]).any(axis=(1, 2))
-    group = 2 * material_of + has_uv
-    parts = ObjectSelection(mesh, np.ones(len(group), np.bool_), group).parts()
-    for number, (vertices, _, part) in zip(np.unique(group), parts, strict=True):
-        material = source.materials[number // 2] if number >= 0 else None
-        texture = material.texture.texture if material and material.texture and number % 2 else None
-        own_uv = at_vertices[vertices] if texture else None
-        own_colours = None if colours is None else colours[vertices]
-        shape = Shape(part, reflection(material) if material else bare, own_uv, texture, colours=own_colours)
-        yield shape, Origin(of[vertices], total)
+    group = 2 * primitive.of_faces(primitive.material)
+    used = {}
+    for number in np.unique(group // 2).tolist():
+        if looked_up := source.looked_up(primitive, source.material(number).texture):
+            used[number] = at_vertices(looked_up[0]), looked_up[1]
+            faces = np.flatnonzero(group == 2 * number)
+            group[faces] += ~np.isnan(used[number][0][mesh.faces[faces]]).any(axis=(1, 2))
+    numbers = np.unique(group).tolist()
+    pieces = [(np.arange(len(of)), mesh)]
+    if len(numbers) > 1:
+        parts = ObjectSelection(mesh, np.ones(len(group), np.bool_), group).parts()
+        pieces = [(vertices, piece) for vertices, _, piece in parts]
+    for number, (vertices, piece) in zip(numbers, pieces, strict=True):
+        own_uv, texture = used[number // 2] if number % 2 else (None, None)
+        occlusion = source.material(number // 2).occlusion
+        at = source.looked_up(primitive, occlusion)
+        bare = NEUTRAL if colours is None else WHITE
+        shape = Shape(
+            piece,
+            models.get(number // 2, bare),
+            None if own_uv is None else own_uv[vertices],
+            texture,
+            Occlusion(at_vertices(at[0])[vertices], at[1], occlusion.strength) if at and occlusion else None,
+            colours=None if colours is None else colours[of[vertices]],
+        )
+        yield shape, Origin(of[vertices], total) if split or len(numbers) > 1 else None
         total = 0  # of further parts of the file
 
 
@@ -102,19 +190,14 @@ def read_mesh(path: Path, textured: bool, own_normals: bool = True) -> tuple[Tex
     """
     file = load(path, names=True)
     notes = [*file.notes, *colours_left_out(path, file.unread)]
-    colours = linear_colours(file)
+    colours = file.colours()
     uv = file.per_corner("uv0") if textured else None
     several = [uv] if uv and not np.isnan(uv.values[uv.of]).any() else []
     split = split_creases(file.mesh, several, own_normals)
     origin = Origin(split.vertices, len(file.mesh.vertices))
     of_corners = several[0].values[several[0].of[split.like]] if several else None
-    return TexturedMesh(split.mesh, of_corners, origin, None if colours is None else colours[split.vertices]), notes
-
-
-def linear_colours(source: Asset) -> Float64s | None:
-    """Linear RGB (n, 3) of the vertices in the file's order, None if they have none."""
-    colours = source.colours()
-    return None if colours is None else colours[:, :3].clip(0.0, 1.0)
+    linear = None if colours is None else colours[split.vertices, :3].clip(0.0, 1.0)
+    return TexturedMesh(split.mesh, of_corners, origin, linear), notes
 
 
 def colours_left_out(path: Path, unread: Iterable[str]) -> list[str]:

@@ -5,10 +5,8 @@ from pathlib import Path
 from obscurance.raytrace import OptionError, Settings
 from obscurance.raytrace.system.atomic import PathName
 
-from ..formats.load import load
-from ..formats.table import format_of
 from .description import SceneDescription
-from .mesh_scene import mesh_scene
+from .mesh_scene import mesh_scene, read_source
 from .toml_scene import read_toml
 
 
@@ -41,8 +39,4 @@ def read_scene(
             if value is not None:
                 raise OptionError(name, f"a mesh file; a scene has camera.{key}", path)
         return read_toml(path, size)
-    if "scene" in format_of(path).holds:
-        from .gltf_scene import read_gltf
-
-        return read_gltf(path, settings, up, view)
-    return mesh_scene(load(path, names=True), settings, up, view)
+    return mesh_scene(read_source(path), settings, up, view)

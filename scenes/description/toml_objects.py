@@ -16,7 +16,7 @@ from ..geometry.primitives import Origin, TexturedMesh
 from ..json_toml import check_keys, check_name, joined, located, shown
 from ..safe_paths import confined
 from .description import NEUTRAL, WHITE
-from .mesh_scene import read_mesh
+from .mesh_scene import Placed, placed, read_mesh, read_source
 from .schema import ObjectTable, Transform
 
 MAX_BUILT = 1_500_000  # triangles: 1 GiB for a picture
@@ -51,8 +51,7 @@ class ObjectReader:
         self._source = source
         self._materials = materials
         self._geometry: dict[Any, TexturedMesh] = {}
-        self._gltf: dict[Path, tuple[Object, ...]] = {}
-        self._gltf_origins: dict[Shape, Origin] = {}
+        self._gltf: dict[Path, list[Placed]] = {}
         self._shapes: dict[Any, Shape] = {}
         self._stored: dict[int, int] = {}
         self.files: list[Path] = []
@@ -144,16 +143,13 @@ class ObjectReader:
     ) -> list[Object]:
         """The objects of a glTF file, with the entry's material or texture in place of the file's."""
         if mesh not in self._gltf:
-            from .gltf_scene import gltf_objects
-
-            self._gltf[mesh], asset, origins = gltf_objects(mesh)
-            self._gltf_origins |= origins
-            self.notes += asset.notes
-            self.files.extend(asset.files)
+            source = read_source(mesh)
+            self._gltf[mesh] = list(placed(source))
+            self.notes += source.notes
+            self.files.extend(source.files)
         pieces = []
-        for item in self._gltf[mesh]:
+        for item, origin in self._gltf[mesh]:
             shape = item.shape
-            origin = self._gltf_origins.get(shape)
             geometry = self._cached(
                 shape, lambda shape=shape, origin=origin: TexturedMesh(shape.mesh, shape.uv, origin, shape.colours)
             )

@@ -57,17 +57,17 @@ def read_dae(mesh_input: MeshInput) -> Asset:
             of_pieces = [len(_counts(piece)) for piece in pieces]
             nodes.append(Node(str(shape.name or shape.id), (len(primitives),), np.asarray(placed.matrix, np.float64)))
             primitives.append(primitive._replace(material=np.repeat(numbers, of_pieces)))
-    notes = [note for primitive in primitives for note in primitive.triangles.notes]
+    notes: dict[str, None] = {}
     if content.errors and primitives:
         faults = " ".join(str(getattr(content.errors[0], "msg", content.errors[0])).split())
-        notes.append(f"{len(content.errors):,} parts of the document are malformed and left out: {faults}")
+        notes[f"{len(content.errors):,} parts of the document are malformed and left out: {faults}"] = None
     left_out = [name for name in ("cameras", "lights", "animations") if getattr(content, name)]
     unread |= dict.fromkeys([*left_out, *unit_in_words(content.assetInfo.unitmeter or 1.0)])
     up = str(content.assetInfo.upaxis or "y")[0].lower()
     pictures = tuple(path for material in materials for path in material.pictures)
     return Asset(
         mesh_input.path, tuple(primitives), tuple(nodes), tuple(materials),
-        up=up, warnings=dict.fromkeys(notes), unread=tuple(unread), pictures=pictures,
+        up=up, warnings=notes, unread=tuple(unread), pictures=pictures,
     )  # fmt: skip
 
 
@@ -167,3 +167,16 @@ def _colour(value: Any, otherwise: float) -> Colour:
         return otherwise, otherwise, otherwise
     red, green, blue = np.clip(np.asarray(value[:3], np.float64), 0, 1).tolist()
     return red, green, blue
+
+
+FORMATS = (
+    {
+        "ending": ".dae",
+        "name": "COLLADA",
+        "read": "obscurance.scenes.formats.dae:read_dae",
+        "peak": 22.0,
+        "begins": rb"(?s)(\xef\xbb\xbf)?\s*(<\?xml.*?\?>\s*)?(<!--.*?-->\s*)*<COLLADA\b",
+        "unit": "obscurance.scenes.formats.dae:unit",
+    },
+    {"ending": ".zae", "name": "COLLADA", "read": "obscurance.scenes.formats.dae:read_dae", "peak": 22.0},
+)

@@ -19,7 +19,7 @@ from obscurance.raytrace.mesh.normals import useless_normals
 from obscurance.raytrace.system.checks import check_memory, check_regular
 
 from ..asset.asset import Asset
-from ..asset.primitive import COLOR, FLOAT, NORMAL, Primitive, W
+from ..asset.primitive import BAKED, COLOR, FLOAT, NORMAL, Primitive
 from .table import MeshInput, format_of, formats, sniffed_format
 
 _CONVERTERS = dict.fromkeys((".abc", ".blend", ".fbx", ".usd", ".usda", ".usdc", ".usdz"), "Blender") | dict.fromkeys(
@@ -75,7 +75,7 @@ def load(
         if points:
             asset = _of_points(asset)
         if not keeps and not asset.has_alpha:  # frees memory before the mesh takes some
-            bare = (one._replace(columns=one.columns.only(NORMAL, W)) for one in asset.primitives)
+            bare = (one._replace(columns=one.columns.only(NORMAL, *BAKED.values())) for one in asset.primitives)
             asset = replace(asset, raw=None, pictures=asset.files[1:], primitives=tuple(bare))
         mesh = asset.mesh
         if "source" in aim.holds:
@@ -149,6 +149,7 @@ def read_asset(path: Path, content: bytes | None = None, alpha: bool = False, po
         check_memory(path, int((row.peak + _KEPT) * size), f"to read {size:,} bytes")
         with path.open("rb") if content is None else io.BytesIO(content) as file:
             asset: Asset = resolve_name(row.read)(MeshInput(file, path, name, alpha, content is None))
+        asset.warnings.update((note, None) for one in asset.primitives for note in one.triangles.notes)
         # Every primitive of a glTF keeps its part: the GLB writer counts on it.
         is_scene = "scene" in row.holds
         has_faces = [one.triangles.counts.any() for one in asset.primitives]

@@ -48,3 +48,14 @@ def read_off(mesh_input: MeshInput) -> Asset:
     has_colours = b"C" in header[1] or bool((lines.lengths[of_faces] > sizes + 1).any())
     unread = ("colours",) if has_colours else ()
     return Asset.single(mesh_input.path, mesh_input.name, primitive, unread=unread)
+
+
+FORMATS = (
+    {
+        "ending": ".off",
+        "name": "OFF",
+        "read": "obscurance.scenes.formats.off:read_off",
+        "peak": 7.5,
+        "begins": rb"\s*(ST)?(C?N?4?n?)OFF\b",
+    },
+)

@@ -188,3 +188,33 @@ def stored_columns(path: Path, wanted: Container[str]) -> dict[str, Float64s]:
             for number, column in columns.items()
             if column in wanted
         }
+
+
+FORMATS = (
+    {
+        "ending": ".asc",
+        "name": "Esri ASCII grid",
+        "read": "obscurance.scenes.formats.raster:read_raster",
+        "peak": 2.0,
+        "holds": ("raster",),
+        "unit": 1.0,
+    },
+    {
+        "ending": ".tif",
+        "name": "GeoTIFF",
+        "read": "obscurance.scenes.formats.raster:read_raster",
+        "peak": 2.0,
+        "write": "obscurance.scenes.formats.raster:raster",
+        "holds": ("raster", "w"),
+        "unit": 1.0,
+    },
+    {
+        "ending": ".tiff",
+        "name": "GeoTIFF",
+        "read": "obscurance.scenes.formats.raster:read_raster",
+        "peak": 2.0,
+        "write": "obscurance.scenes.formats.raster:raster",
+        "holds": ("raster", "w"),
+        "unit": 1.0,
+    },
+)

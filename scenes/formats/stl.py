@@ -10,7 +10,7 @@ import numpy as np
 
 from obscurance.raytrace.errors import MeshError
 
-from ..asset.asset import Asset, Node
+from ..asset.asset import Asset
 from ..asset.primitive import Primitive
 from .number_rows import NumberRows
 from .table import MeshInput
@@ -40,9 +40,8 @@ def read_stl(mesh_input: MeshInput) -> Asset:
             got = f"{len(vertices):,} vertices in solid {name or mesh_input.name}"
             raise MeshError(mesh_input.source, "facets", "three vertices in each", got)
     names = [name for name, _ in solids] if len(solids) > 1 else [mesh_input.name]
-    primitives = tuple(Primitive.of(vertices, np.arange(len(vertices))) for _, vertices in solids)
-    nodes = tuple(Node(name, (number,)) for number, name in enumerate(names))
-    return Asset(mesh_input.path, primitives, nodes, up="z", unread=unread)
+    primitives = [Primitive.of(vertices, np.arange(len(vertices))) for _, vertices in solids]
+    return Asset.several(mesh_input.path, names, primitives, up="z", unread=unread)
 
 
 def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
@@ -67,3 +66,14 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     if not solids:
         raise damaged
     return solids
+
+
+FORMATS = (
+    {
+        "ending": ".stl",
+        "name": "STL",
+        "read": "obscurance.scenes.formats.stl:read_stl",
+        "peak": 6.0,
+        "begins": rb"\s*solid\b.*\n\s*facet\b",
+    },
+)

@@ -1,6 +1,13 @@
-"""THE table of file formats: what reads and writes each, and what it holds."""
+"""THE table of file formats: what reads and writes each, and what it holds.
+
+A format's own file, or the `__init__.py` of its folder, ends with its rows: `FORMATS`, a literal of fields of
+`FileFormat`. They are read from the text: a file is not imported before it reads or writes something.
+"""
 
 import re
+from ast import literal_eval
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -48,18 +55,32 @@ class FileFormat(NamedTuple):
     unit: float | str = 0.0  # of its coordinates, in metres; or the function that finds it in a file; 0: none
 
 
-_REGISTERED: dict[str, FileFormat] = {}
+_FOREIGN: dict[str, FileFormat] = {}
 _LIBRARIES = FileFormat("", "", "obscurance.scenes.formats.libraries:read_by_library", 22.0)
 
 
 def register(*formats: FileFormat) -> None:
-    """Make formats known by their endings: those below, and those of other packages, which call this first."""
-    _REGISTERED.update({row.ending: row for row in formats})
+    """Make formats of another package known by their endings."""
+    _FOREIGN.update({row.ending: row for row in formats})
+
+
+def rows_of(file: Path) -> Iterator[FileFormat]:
+    """The formats with which a source file ends."""
+    _, mark, rows = file.read_text("utf-8").rpartition("\nFORMATS = ")
+    yield from (FileFormat(**row) for row in literal_eval(rows)) if mark else ()
+
+
+@cache
+def _own() -> dict[str, FileFormat]:
+    """The formats of this folder by their endings."""
+    here = Path(__file__).parent
+    files = (*here.glob("*.py"), *here.glob("*/__init__.py"))
+    return {row.ending: row for file in files if file != Path(__file__) for row in rows_of(file)}
 
 
 def formats() -> dict[str, FileFormat]:
     """All formats by their endings, sorted."""
-    return dict(sorted(_REGISTERED.items()))
+    return dict(sorted((_own() | _FOREIGN).items()))
 
 
 def format_of(path: PathName) -> FileFormat:
@@ -80,73 +101,3 @@ def is_raster(path: PathName) -> bool:
 def sniffed_format(content: bytes | bytearray) -> str | None:
     """The ending of the format that the first bytes identify, or None."""
     return next((row.ending for row in formats().values() if row.begins and re.match(row.begins, content)), None)
-
-
-_DAE = "obscurance.scenes.formats.dae"
-_COLLADA = rb"(?s)(\xef\xbb\xbf)?\s*(<\?xml.*?\?>\s*)?(<!--.*?-->\s*)*<COLLADA\b"
-_READ_GLTF = "obscurance.scenes.formats.gltf.read:read_gltf"
-_READ_RASTER, _WRITE_RASTER = "obscurance.scenes.formats.raster:read_raster", "obscurance.scenes.formats.raster:raster"
-
-register(
-    FileFormat(
-        ".obj",
-        "OBJ",
-        read="obscurance.scenes.formats.obj.read:read_obj",
-        peak=9.0,
-        begins=rb"(\s*(#[^\n]*)?\n)*\s*(v|vn|vt|o|g|mtllib|usemtl|s)\s",
-        write="obscurance.scenes.formats.obj.write:obj",
-        holds=("source", "uv"),
-    ),
-    FileFormat(
-        ".ply",
-        "PLY",
-        read="obscurance.scenes.formats.ply.read:read_ply",
-        peak=7.5,
-        begins=rb"ply[\r\n]",
-        write="obscurance.scenes.formats.ply.write:ply",
-        holds=("source", "w", "profile", "faces", "colors", "uv"),
-    ),
-    FileFormat(
-        ".glb",
-        "GLB",
-        read=_READ_GLTF,
-        peak=2.0,
-        begins=rb"glTF",
-        write="obscurance.scenes.formats.gltf.write:glb",
-        holds=("source", "w", "profile", "colors", "scene"),
-        unit=1.0,
-    ),
-    FileFormat(".gltf", "glTF", read=_READ_GLTF, peak=2.0, begins=rb"\s*\{", holds=("w", "profile", "scene"), unit=1.0),
-    FileFormat(".vrm", "VRM", read=_READ_GLTF, peak=2.0, holds=("scene",), unit=1.0),
-    FileFormat(
-        ".stl", "STL", read="obscurance.scenes.formats.stl:read_stl", peak=6.0, begins=rb"\s*solid\b.*\n\s*facet\b"
-    ),
-    FileFormat(
-        ".off", "OFF", read="obscurance.scenes.formats.off:read_off", peak=7.5, begins=rb"\s*(ST)?(C?N?4?n?)OFF\b"
-    ),
-    FileFormat(
-        ".3mf",
-        "3MF",
-        read="obscurance.scenes.formats.threemf:read_3mf",
-        peak=1.0,
-        begins=rb"PK\x03\x04",
-        unit="obscurance.scenes.formats.threemf:unit",
-    ),
-    FileFormat(".dae", "COLLADA", read=f"{_DAE}:read_dae", peak=22.0, begins=_COLLADA, unit=f"{_DAE}:unit"),
-    FileFormat(".zae", "COLLADA", read=f"{_DAE}:read_dae", peak=22.0),
-    FileFormat(".asc", "Esri ASCII grid", read=_READ_RASTER, peak=2.0, holds=("raster",), unit=1.0),
-    FileFormat(".tif", "GeoTIFF", read=_READ_RASTER, peak=2.0, write=_WRITE_RASTER, holds=("raster", "w"), unit=1.0),
-    FileFormat(".tiff", "GeoTIFF", read=_READ_RASTER, peak=2.0, write=_WRITE_RASTER, holds=("raster", "w"), unit=1.0),
-    FileFormat(
-        ".vtp",
-        "VTK",
-        read="obscurance.scenes.formats.vtp:read_vtp",
-        peak=10.0,
-        begins=rb"(?s)\s*(<\?xml.*?\?>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*PolyData",
-        write="obscurance.scenes.formats.vtp:vtp",
-        holds=("source", "w"),
-    ),
-    FileFormat(".npy", "NumPy", write="obscurance.scenes.formats.write:npy", holds=("w", "faces")),
-    FileFormat(".npz", "NumPy", write="obscurance.scenes.formats.write:npz", holds=("w", "profile", "faces")),
-    FileFormat(".html", "HTML", write="obscurance.scenes.show.page.document:page_of_bake", holds=("profile",)),
-)

@@ -255,3 +255,15 @@ def _check_build(build: list[tuple[Key, Float64s]], objects: dict[Key, _Object],
     placed = sum(count[key] for key, _ in build)
     if placed > MAX_PLACED:
         raise MeshError(source, "build", f"at most {MAX_PLACED:,} objects with all copies", f"{placed:,}")
+
+
+FORMATS = (
+    {
+        "ending": ".3mf",
+        "name": "3MF",
+        "read": "obscurance.scenes.formats.threemf:read_3mf",
+        "peak": 1.0,
+        "begins": rb"PK\x03\x04",
+        "unit": "obscurance.scenes.formats.threemf:unit",
+    },
+)

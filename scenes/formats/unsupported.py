@@ -10,6 +10,7 @@ from obscurance.raytrace.errors import printable
 from ..asset.asset import Asset
 from ..asset.primitive import COLOR
 from .obj.mtl import MATERIAL_WORDS
+from .obj.text import Obj
 from .ply.layout import Ply
 from .ply.write import MESHLAB, cuts_polygons, has_own_colors
 from .table import Channels, FileFormat, format_of
@@ -49,13 +50,13 @@ def _of_polygons(asset: Asset, row: FileFormat, colors: str) -> Iterator[str]:
     """
     is_ply = isinstance(asset.raw, Ply)
     is_obj = row.name == "OBJ"  # which has normals and coordinates of corners, and names
-    is_stored = asset.raw is not None and row.name == format_of(asset.path).name
+    is_stored = is_obj and isinstance(asset.raw, Obj)
     if (len(colors) > 1 or "colors" not in row.holds) and has_own_colors(asset):
         yield "its colours"
     if not is_ply:
         if not asset.is_scene and not is_obj and len(asset.objects) > 1:
             yield "its division into objects"
-        kept = (*MATERIAL_WORDS, *(_NAMES if is_obj and is_stored else ()))
+        kept = (*MATERIAL_WORDS, *(_NAMES if is_stored else ()))
         yield from (words for words in asset.unread if not words.startswith(kept))
     if asset.mesh.corner_normals and not is_obj:
         yield "normals of vertices that have several"
@@ -75,9 +76,9 @@ def _of_glb(asset: Asset, colors: str) -> Iterator[str]:
     from .gltf.plain import SOURCE_INDEX, kept_numbers, part_origin
 
     if asset.is_scene:
-        from .gltf.write import has_colors
-
-        if has_colors(asset, checked=len(colors) == 1) and len(colors) > 1:
+        if len(colors) == 1:
+            asset.columns(COLOR)  # to find what is malformed
+        elif colors and any(COLOR in part.primitive.columns for part in asset.parts):
             yield "its colours"
         return
     part_origin(asset.mesh.vertices)

@@ -20,8 +20,8 @@ from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Int64s
 
-from ..asset.asset import Asset, Node
-from ..asset.primitive import NORMAL, Column, ColumnSet, Primitive, W, float_normals
+from ..asset.asset import Asset
+from ..asset.primitive import BAKED, NORMAL, Column, ColumnSet, Primitive, W, float_normals, known_columns
 from ..geometry.polygons import strip_triangles
 from .table import MeshInput
 
@@ -30,7 +30,7 @@ _DECOMPRESSORS: dict[str, Any] = {
     "vtkZLibDataCompressor": zlib.decompressobj, "vtkLZMADataCompressor": lzma.LZMADecompressor,
 }  # fmt: skip
 _GROWTH, _SPARE = 1100, 1 << 24  # deflate grows 1032-fold at most
-_TYPES = {"f4": "Float32", "f8": "Float64", "i8": "Int64", "u1": "UInt8"}
+_TYPES = {"float32": "Float32", "float64": "Float64", "int64": "Int64", "uint8": "UInt8"}
 _HEADER = '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">'
 
 
@@ -38,14 +38,11 @@ def vtp(bake: Bake, asset: Asset, _: object) -> bytes:
     """The vertices and polygons of the source with `obscurance`, float, and as far as they are known `error`, `flags`,
     `bent_normals` and `Normals`, the source's own."""
     mesh = asset.mesh
-    columns: dict[str, tuple[npt.NDArray[Any] | None, str]] = {
-        "obscurance": (bake.w, "f4"),
-        "error": (bake.error, "f4"),
-        "flags": (bake.flags, "u1"),
-        "bent_normals": (bake.bent_normals, "f4"),
-        "Normals": (None if mesh.normals is None else float_normals(mesh.normals), "f4"),
-    }
-    point_data = [_array(name, values, kind) for name, (values, kind) in columns.items() if values is not None]
+    known = known_columns(bake)
+    columns = {W if name == "w" else name: known[name] for name in BAKED if name in known}
+    if mesh.normals is not None:
+        columns["Normals"] = float_normals(mesh.normals)
+    point_data = [_array(name, values) for name, values in columns.items()]
     lines = [
         _HEADER,
         "<PolyData>",
@@ -54,11 +51,11 @@ def vtp(bake: Bake, asset: Asset, _: object) -> bytes:
         *point_data,
         "</PointData>",
         "<Points>",
-        _array("Points", mesh.vertices, "f8"),
+        _array("Points", mesh.vertices),
         "</Points>",
         "<Polys>",
-        _array("connectivity", asset.corners, "i8"),
-        _array("offsets", np.cumsum(asset.sizes), "i8"),
+        _array("connectivity", asset.corners),
+        _array("offsets", np.cumsum(asset.sizes)),
         "</Polys>",
         "</Piece>",
         "</PolyData>",
@@ -67,12 +64,12 @@ def vtp(bake: Bake, asset: Asset, _: object) -> bytes:
     return "\n".join(lines).encode()
 
 
-def _array(name: str, values: npt.NDArray[Any], kind: str) -> str:
+def _array(name: str, values: npt.NDArray[Any]) -> str:
     """A `DataArray` element of values, in base64 behind their number of bytes."""
-    content = values.astype("<" + kind).tobytes()
+    content = values.tobytes()
     encoded = b64encode(len(content).to_bytes(8, "little") + content).decode()
     components = values.shape[1] if values.ndim > 1 else 1
-    of_what = f'type="{_TYPES[kind]}" Name="{name}" NumberOfComponents="{components}"'
+    of_what = f'type="{_TYPES[values.dtype.name]}" Name="{name}" NumberOfComponents="{components}"'
     return f'<DataArray {of_what} format="binary">{encoded}</DataArray>'
 
 
@@ -165,11 +162,9 @@ def read_vtp(mesh_input: MeshInput) -> Asset:
     document = _Document.of(mesh_input.file.read(), mesh_input.source)
     found = [piece for piece in document.root.iterfind("PolyData/Piece") if piece.find("Points/DataArray") is not None]
     unread: dict[str, None] = {}
-    primitives = tuple(_primitive(document, piece, unread) for piece in found)
+    primitives = [_primitive(document, piece, unread) for piece in found]
     names = [f"{mesh_input.name}[{number}]" for number in range(len(found))] if len(found) > 1 else [mesh_input.name]
-    nodes = tuple(Node(name, (number,)) for number, name in enumerate(names))
-    notes = dict.fromkeys(note for primitive in primitives for note in primitive.triangles.notes)
-    return Asset(mesh_input.path, primitives, nodes, warnings=notes, unread=tuple(unread))
+    return Asset.several(mesh_input.path, names, primitives, unread=tuple(unread))
 
 
 def _primitive(document: _Document, piece: ElementTree.Element, unread: dict[str, None]) -> Primitive:
@@ -186,14 +181,29 @@ def _primitive(document: _Document, piece: ElementTree.Element, unread: dict[str
     data = piece.find("PointData")
     arrays = {} if data is None else {array.get("Name", ""): array for array in data.iterfind("DataArray")}
     active = {} if data is None else data.attrib
-    names = {NORMAL: active.get("Normals", "Normals"), W: "obscurance", "uv0": active.get("TCoords", "")}
+    names = {NORMAL: active.get("Normals", "Normals"), W: W, "uv0": active.get("TCoords", "")}
+    names |= {column: name for name, column in BAKED.items() if W in arrays and column != W}
     found = {key: document.values(arrays[name]) for key, name in names.items() if name in arrays}
     if any(len(values) != len(points) for values in found.values()):
         raise ValueError("columns of points that are not one row a point")
-    if W in found and found[W].ndim > 1:  # other columns may have that name
-        del found[W]
+    for name in BAKED.values() & found.keys():  # other columns may have that name
+        if found[name].shape[1:] != ((3,) if name == BAKED["bent_normals"] else ()):
+            del found[name]
     if "uv0" in found:
         found["uv0"] = found["uv0"][:, :2]
     unread |= dict.fromkeys(f"{name} of points" for name in sorted(arrays.keys() - {*names.values()}))
     columns = ColumnSet({key: Column(values) for key, values in found.items()})
     return Primitive.of(points, corners, sizes, document.source, columns=columns)
+
+
+FORMATS = (
+    {
+        "ending": ".vtp",
+        "name": "VTK",
+        "read": "obscurance.scenes.formats.vtp:read_vtp",
+        "peak": 10.0,
+        "begins": rb"(?s)\s*(<\?xml.*?\?>\s*)?(<!--.*?-->\s*)*<VTKFile\b[^>]*PolyData",
+        "write": "obscurance.scenes.formats.vtp:vtp",
+        "holds": ("source", "w"),
+    },
+)

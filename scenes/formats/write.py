@@ -6,48 +6,26 @@ import io
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import TYPE_CHECKING, Any, Literal, Self, cast, get_args
+from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
 import numpy as np
 
 from obscurance.raytrace.errors import ConflictError, OptionError, Term
 from obscurance.raytrace.system.atomic import PathName, check_writable, write_bytes
-from obscurance.raytrace.types import Float64s
 
 from ..asset.asset import Asset
+from ..asset.primitive import known_columns
 from .load import load
 from .table import Channels, endings, format_of
 
 if TYPE_CHECKING:
-    from obscurance.ao import Bake, BakedTexture, Profile
+    from obscurance.ao import Bake, BakedTexture
 
 Occlusion = Literal["none", "ramp"]
 _PLY_NAME = r"(?!(n?[xyz]|[stuv]|red|green|blue|alpha|texture_.|obscurance\w*)$)[A-Za-z_]\w*"
 Colors = Literal["rgb", "r", "g", "b", "a"]
-
-
-@dataclass(frozen=True, eq=False)
-class _StoredBake:
-    """What an earlier bake has left in a file, as far as writers ask for it."""
-
-    w: Float64s
-    profile: Profile | None
-    at: str = "vertices"
-    error: None = None
-    flags: None = None
-    bent_normals: None = None
-    below: None = None
-
-    @classmethod
-    def of(cls, asset: Asset) -> Self:
-        """Raises: OptionError: the file has no w."""
-        w = asset.w
-        if w is None:
-            raise OptionError("bake", f"w in {asset.path}, or a bake", "none")
-        return cls(w, asset.profile)
 
 
 def check_target(path: PathName) -> None:
@@ -84,9 +62,11 @@ def write(
     - `.npz`: `w` float32 (n,), `error` float32 (n,), `bent_normals` float32 (n, 3), `flags` uint8 (n,), as far as they
       are known; of a profile `profile` float32 (n, k), `half_distances` float64 (k,), `radius`, and `max_distance` if
       it has a limit.
-    - `.ply`: `obscurance`, and w as the grey `red green blue`, sRGB-encoded as Blender and three.js take the colours of
-      a PLY (`scenes.formats.ply.write.ply`). Coordinates are float where that loses nothing, double otherwise.
-    - `.glb`: `_OBSCURANCE` (`scenes.formats.gltf.write.glb`), and what viewers show: a ramp or colours.
+    - `.ply`: `obscurance`, error, flags and bent normals behind the same word, and w as the grey `red green blue`,
+      sRGB-encoded as Blender and three.js take the colours of a PLY (`scenes.formats.ply.write.ply`). Coordinates are
+      float where that loses nothing, double otherwise.
+    - `.glb`: attributes of the same names in capitals (`scenes.formats.gltf.write.glb`), and what viewers show: a ramp
+      or colours.
     - `.obj`: w as the grey `v x y z r g b`, sRGB-encoded (`scenes.formats.obj.write`).
     - `.vtp`: `obscurance`, and `error`, `flags`, `bent_normals` as far as they are known (`scenes.formats.vtp`).
     - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
@@ -121,7 +101,10 @@ def write(
         OutputError: the file cannot be written; an existing one is untouched.
     """
     if isinstance(bake, Asset):
-        mesh_file, bake = mesh_file or bake, cast("Bake", _StoredBake.of(bake))
+        baked, mesh_file = bake.baked, mesh_file or bake
+        if baked is None:
+            raise OptionError("bake", f"w in {bake.path}, or a bake", "none")
+        bake = cast("Bake", baked)
     several = bake if isinstance(bake, Sequence) else [bake]
     source = getattr(several[0], "mesh", None) if mesh_file is None else mesh_file
     if isinstance(source, str | os.PathLike):
@@ -224,11 +207,27 @@ def npy(bake: Bake, *_: object) -> memoryview:
 def npz(bake: Bake, *_: object) -> memoryview:
     """w, error and bent normals as float32, flags as uint8, as far as they are known; the profile as it is kept."""
     content = io.BytesIO()
-    kinds = {"w": "<f4", "error": "<f4", "bent_normals": "<f4", "flags": "u1"}
-    arrays = {name: getattr(bake, name).astype(kind) for name, kind in kinds.items() if getattr(bake, name) is not None}
+    arrays: dict[str, Any] = known_columns(bake)
     if bake.below:
-        arrays |= {f"{name}_below": getattr(bake.below, name).astype(kind) for name, kind in kinds.items()}
+        arrays |= {f"{name}_below": values for name, values in known_columns(bake.below).items()}
     if profile := bake.profile:
         arrays |= {"profile": profile.values} | {name: np.float64(value) for name, value in profile.lengths.items()}
     np.savez(content, **arrays)
     return content.getbuffer()
+
+
+FORMATS = (
+    {"ending": ".npy", "name": "NumPy", "write": "obscurance.scenes.formats.write:npy", "holds": ("w", "faces")},
+    {
+        "ending": ".npz",
+        "name": "NumPy",
+        "write": "obscurance.scenes.formats.write:npz",
+        "holds": ("w", "profile", "faces"),
+    },
+    {
+        "ending": ".html",
+        "name": "HTML",
+        "write": "obscurance.scenes.show.page.document:page_of_bake",
+        "holds": ("profile",),
+    },
+)

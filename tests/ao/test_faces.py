@@ -58,11 +58,11 @@ def shape_and_truth(shape):
 
 @pytest.mark.parametrize("tolerance", [0.02, 0.006])
 @pytest.mark.parametrize("shape", ["hills", "cones"])
-def test_the_error_is_told(shape, tolerance):
+def test_the_reported_error_is_the_true_one(shape, tolerance):
     """On faces of which w varies, too: the samples that measure the error lie elsewhere on them."""
     mesh, truth = shape_and_truth(shape)
     ratios = []
-    for seed in range(4):
+    for seed in range(2):
         baked = ao.bake(mesh, ao.Binary(), at="faces", tolerance=tolerance, seed=seed)
         assert baked.rmse <= tolerance
         ratios.append(baked.rmse / np.sqrt(np.mean((baked.w - truth) ** 2)))

@@ -103,16 +103,16 @@ def scattered(random, count, is_grid):
 NEAR = ao.Binary(max_distance=0.3)  # within which no end of a square shows
 
 
-def told_and_true(cloud, seeds=4):
-    """The root mean squares of told and of true errors at the points of several clouds, each of which `cloud` makes of
-    a seed: points, normals, which of them count, and w of these."""
-    told, true = [], []
+def reported_and_true(cloud, seeds=2):
+    """The root mean squares of reported and of true errors at the points of several clouds, each of which `cloud` makes
+    of a seed: points, normals, which of them count, and w of these."""
+    reported, true = [], []
     for seed in range(seeds):
         points, normals, rows, exact = cloud(np.random.default_rng(seed))
         baked = ao.bake_points(None, points, normals, falloff=NEAR, samples=64, seed=seed)
-        told.append(baked.error[rows])
+        reported.append(baked.error[rows])
         true.append(baked.w[rows] - exact)
-    return tuple(float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) for errors in (told, true))
+    return tuple(float(np.sqrt(np.mean(np.concatenate(errors) ** 2))) for errors in (reported, true))
 
 
 @pytest.mark.parametrize("is_grid", [True, False])
@@ -135,14 +135,14 @@ def test_clouds_are_closed_in_creases(angle, is_grid):
         assert exact[at_edge].mean() == pytest.approx((1 - cosine) / 2, abs=0.03)
         return points.reshape(-1, 3), normals.reshape(-1, 3), near, exact
 
-    told, true = told_and_true(crease)
-    assert true < 1.3 * told + 0.005  # and half a spacing between discs of both squares, which nothing tells
-    assert told < 1.3 * true + 0.005
+    reported, true = reported_and_true(crease)
+    assert true < 1.3 * reported + 0.005  # and half a spacing between discs of both squares, which no error holds
+    assert reported < 1.3 * true + 0.005
 
 
 @pytest.mark.parametrize("is_grid", [True, False])
 @pytest.mark.parametrize("facing", [-1.0, 1.0])
-@pytest.mark.parametrize("height", [0.05, 0.2, 0.8])
+@pytest.mark.parametrize("height", [0.05, 0.8])
 def test_sheets_of_clouds_lie_over_one_another(height, facing, is_grid):
     """Heights in spacings of the points; what lies below the upper sheet sees out beyond .3 alone, as do two that face
     each other."""
@@ -156,10 +156,10 @@ def test_sheets_of_clouds_lie_over_one_another(height, facing, is_grid):
         between = (height / 40 / 0.3) ** 2
         return points, normals, inner, np.where(is_upper, 1.0 if facing > 0 else between, between)[inner]
 
-    told, true = told_and_true(sheets)
+    reported, true = reported_and_true(sheets)
     assert true < (0.006 if is_grid else 0.05)  # points at random leave holes
-    assert true < (1.3 if height > 0.1 else 2.0) * told + 0.001
-    assert told < 1.3 * true + 0.01
+    assert true < (1.3 if height > 0.1 else 2.0) * reported + 0.001
+    assert reported < 1.3 * true + 0.01
 
 
 @pytest.mark.parametrize("is_grid", [True, False])
@@ -171,10 +171,10 @@ def test_rough_clouds_say_by_how_much_they_may_be_closed(noise, is_grid):
         points = np.column_stack([scattered(random, 50, is_grid), noise / 50 * random.normal(size=2500)])
         return points, np.tile([0, 0, 1.0], (2500, 1)), slice(None), 1.0
 
-    told, true = told_and_true(rough)
+    reported, true = reported_and_true(rough, seeds=4)
     assert true < (0.05 if noise < 0.2 else 0.5)
-    assert true < 1.3 * told + 0.01  # few are closed where noise is just more than what is level
-    assert told < 1.3 * true + 0.03
+    assert true < 1.3 * reported + 0.01  # few are closed where noise is just more than what is level
+    assert reported < 1.3 * true + 0.03
     points, normals, _, _ = rough(np.random.default_rng(9))
     assert not ao.bake_points(None, points, normals, falloff="binary", tolerance=0.6).shortfalls
 

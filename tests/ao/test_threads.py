@@ -14,7 +14,7 @@ from obscurance.raytrace import Mesh
 from obscurance.raytrace.bvh import bvh16
 
 STEEP = hills(40)[0] * [1, 1, 40], hills(40)[1][:, ::-1]
-ENTRIES = BAKES | {
+ENTRIES = {name: bake for name, bake in BAKES.items() if name not in ("binary", "limited")} | {
     "projected": partial(ao.bake, Mesh(*hills(40)), high=Mesh(*hills(80)), cage="10%", samples=64),
     "interior filled": partial(ao.bake, Mesh(*two_boxes()), samples=16, interior="fill"),
     "many rays": partial(ao.bake, Mesh(*STEEP), "binary", samples=1024),

@@ -2,6 +2,8 @@
 
 import subprocess
 
+from command import obscurance
+
 from benchmarks import foreign
 
 
@@ -20,6 +22,12 @@ def test_files_are_drawn_in_turn_of_origin_and_ending(tmp_path):
 
 def test_refusals_and_faults_are_told_apart(tmp_path, monkeypatch):
     (tmp_path / "m.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+
+    def in_this_process(command, cwd, **_):
+        monkeypatch.chdir(cwd)
+        return obscurance(*command[3:])
+
+    monkeypatch.setattr(subprocess, "run", in_this_process)
     found = foreign.tried(tmp_path / "m.obj")
     assert found.pop("image") == "refused"  # it has no texture coordinates
     assert set(found.values()) == {"done"}

@@ -55,9 +55,10 @@ def distances(medium, origins, directions):
         offset = part.corner - origins
         with np.errstate(divide="ignore", invalid="ignore"):
             t = offset @ across / ahead
-            local = t[:, None] * directions - offset
-            s = np.cross(local, part.v) @ across / squared
-            r = np.cross(part.u, local) @ across / squared
+            s, r = (
+                (t * (directions @ along) - offset @ along) / squared
+                for along in (np.cross(part.v, across), np.cross(across, part.u))
+            )
             hit = (t > 0) & (s >= 0) & (s <= 1) & (r >= 0) & (r <= 1)
         if medium.fronts:
             hit &= ahead < 0
@@ -91,8 +92,9 @@ def values(medium, places, normals, axes, rng, rays):
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     frame = np.stack([tangent, np.cross(axes, tangent), axes], axis=1)
     local = np.stack([np.sqrt(u) * np.cos(phi), np.sqrt(u) * np.sin(phi), np.sqrt(1 - u)], axis=-1)
-    directions = np.einsum("kpsri,kij->kpsrj", local, frame)
-    above = np.einsum("kpsri,ki->kpsr", directions, normals) >= 0
+    directions = local.reshape(count, PARTS * spread * each, 3) @ frame
+    above = (directions @ normals[:, :, None]).reshape(u.shape) >= 0
+    directions = directions.reshape(local.shape)
     origins = places + _LIFT * medium.size * normals[:, None, None]
     origins = np.broadcast_to(origins[..., None, :], directions.shape)
     met = distances(medium, origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(above.shape)

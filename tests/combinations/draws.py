@@ -16,10 +16,10 @@ _MARGIN = 1.5  # texels between charts, at least
 
 @dataclass(eq=False)
 class Combination:
-    """Attributes: line: the command's arguments. told, w: its error and its values (k,). truth, error: theirs (k,)."""
+    """Attributes: line: the command's arguments. reported, w: its error and values (k,). truth, error: theirs (k,)."""
 
     line: list
-    told: float
+    reported: float
     w: np.ndarray
     truth: np.ndarray
     error: np.ndarray
@@ -56,7 +56,7 @@ class _Draw:
         chosen, places, normals = chosen[seen], places[seen], normals[seen]  # others are filled
         axes = np.broadcast_to(self.up, normals.shape) if self.by_up else normals
         truth, error = caster.values(medium, places, normals, axes, self.rng, RAYS)
-        return Combination(line, _told(done.stdout), w[chosen], truth, error)
+        return Combination(line, _reported(done.stdout), w[chosen], truth, error)
 
     def _failure(self, text):
         return f"obscurance {' '.join(map(str, self.line))}\n{text}"
@@ -311,6 +311,6 @@ class _Draw:
         return w, np.arange(len(places)), places[:, None], normals
 
 
-def _told(summary):
+def _reported(summary):
     """The error that the command's summary has."""
     return float(re.search(r"RMSE[^\d.]*([\d.e-]+)", summary)[1])

@@ -1,4 +1,4 @@
-"""Combinations drawn by their numbers keep the error that they tell."""
+"""Combinations drawn by their numbers keep the error that they report."""
 
 import numpy as np
 import pytest
@@ -6,14 +6,14 @@ import pytest
 from .draws import drawn
 
 FEW, MANY = 20, 500  # tests of ten draws each
-TIMES, SLACK = 2.0, 0.004  # of the root mean square error that is told, and what is in no error that is told
+TIMES, SLACK = 2.0, 0.004  # of the reported root mean square error, and what is in none that is reported
 FARTHEST = 8.0, 0.03
-TOGETHER = 0.4, 1.6  # true over told errors of ten draws, root mean squares: .6 to 1.3 in forty tens
+TOGETHER = 0.4, 1.6  # true over reported errors of ten draws, root mean squares: .6 to 1.3 in forty tens
 
 
 def check(numbers, folder):
     """Each draw by itself, with its command where it fails, and the errors of all together."""
-    faults, squared, told = [], [], []
+    faults, squared, reported = [], [], []
     for number in numbers:
         here = folder / str(number)
         here.mkdir()
@@ -22,23 +22,23 @@ def check(numbers, folder):
             continue
         off = combination.w - combination.truth
         squared.append(np.mean(off**2 - combination.error**2))
-        told.append(combination.told**2)
-        expected = np.hypot(combination.told, np.sqrt(np.mean(combination.error**2)))
+        reported.append(combination.reported**2)
+        expected = np.hypot(combination.reported, np.sqrt(np.mean(combination.error**2)))
         true, largest = np.sqrt(np.mean(off**2)), np.abs(off).max()
         if true > TIMES * expected + SLACK or largest > FARTHEST[0] * expected + FARTHEST[1]:
             line = " ".join(map(str, combination.line))
-            faults.append(f"{number}: told {combination.told:.4f}, true {true:.4f}, at most {largest:.3f}: {line}")
+            faults.append(f"{number}: reported {combination.reported:.4f}, true {true:.4f}, most {largest:.3f}: {line}")
     assert faults == []
-    assert TOGETHER[0] < np.sqrt(max(sum(squared), 0) / sum(told)) < TOGETHER[1]
+    assert TOGETHER[0] < np.sqrt(max(sum(squared), 0) / sum(reported)) < TOGETHER[1]
 
 
 @pytest.mark.parametrize("ten", range(FEW))
-def test_what_is_told_is_true(ten, tmp_path):
+def test_reported_errors_are_true(ten, tmp_path):
     check(range(10 * ten, 10 * ten + 10), tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ten", range(MANY))
-def test_what_is_told_is_true_of_many(ten, tmp_path, pytestconfig):
+def test_reported_errors_are_true_of_many(ten, tmp_path, pytestconfig):
     first = 1000 + pytestconfig.option.mesh_seed % 1_000_000 * 10_000 + 10 * ten
     check(range(first, first + 10), tmp_path)

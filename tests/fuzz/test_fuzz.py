@@ -20,11 +20,11 @@ def report(findings, seed):
 
 
 def test_damaged_files():
-    findings, counts, _ = fuzzing.run(1000, "short", processes=1)
+    findings, counts, _ = fuzzing.run(500, "short", processes=1)
     assert not findings, report(findings, "short")
-    assert sum(map(sum, (each.values() for each in counts.values()))) == 1000
+    assert sum(map(sum, (each.values() for each in counts.values()))) == 500
     assert all(each["refused"] for each in counts.values())
-    assert sum(each["accepted"] for each in counts.values()) > 60
+    assert sum(each["accepted"] for each in counts.values()) > 30
 
 
 @pytest.mark.slow
@@ -55,7 +55,7 @@ def test_very_many_damaged_files_through_the_commands():
         (2, "", "obscurance: \x1b[31m\n", "", "not a line for people"),
     ],
 )
-def test_the_judge_of_commands_notices(tmp_path, status, output, errors, makes, finding):
+def test_the_check_of_commands_notices(tmp_path, status, output, errors, makes, finding):
     def command(*arguments):
         if makes:
             (tmp_path / makes).write_text("x")
@@ -82,17 +82,14 @@ def hostile(step):
 
 
 @pytest.fixture
-def judge(tmp_path):
-    """How the worker judges a step."""
+def checked(tmp_path):
+    """A function: the worker's check of a step."""
     inside = tmp_path / "inside"
     inside.mkdir()
     path = inside / "m.ply"
     path.write_bytes(b"x")
 
-    def judge(step):
-        return fuzz_worker.checked("ply", path, tmp_path, 0, [], hostile(step))
-
-    return judge
+    return lambda step: fuzz_worker.checked("ply", path, tmp_path, 0, [], hostile(step))
 
 
 def refuse(text):
@@ -112,8 +109,8 @@ def ramble(path):
     raise error
 
 
-def test_the_judge_lets_clear_refusals_pass(judge):
-    message, _, _ = judge(refuse(None))
+def test_clear_refusals_pass(checked):
+    message, _, _ = checked(refuse(None))
     assert message.endswith("m.ply: a: expected b, got c")
 
 
@@ -127,22 +124,22 @@ def test_the_judge_lets_clear_refusals_pass(judge):
         (ramble, "a message of"),
     ],
 )
-def test_the_judge_notices(judge, step, finding):
+def test_what_a_step_must_not_do_is_a_finding(checked, step, finding):
     with pytest.raises(fuzz_worker.Finding, match=finding):
-        judge(step)
+        checked(step)
 
 
-@pytest.mark.parametrize(
-    ("step", "finding"),
-    [
-        ("os.kill(os.getpid(), 11)", "SIGSEGV"),
-        ("while True: pass", "SIGPROF"),
-        ("open(path.parent.parent / 'secret.bin').close()", "secret.bin"),
-        ("print('loose words')", "loose words"),
-        ("bytearray(1 << 33)", "MemoryError"),
-    ],
-)
-def test_the_driver_notices(tmp_path, step, finding):
+HOSTILE = {
+    "os.kill(os.getpid(), 11)": "SIGSEGV",
+    "while True: pass": "SIGPROF",
+    "open(path.parent.parent / 'secret.bin').close()": "secret.bin",
+    "print('loose words')": "loose words",
+    "bytearray(1 << 33)": "MemoryError",
+}
+
+
+def test_the_driver_notices(tmp_path):
+    """Whatever a step does, the next one is tried."""
     worker = tmp_path / "worker.py"
     lines = [
         "import os, sys",
@@ -151,11 +148,12 @@ def test_the_driver_notices(tmp_path, step, finding):
         "fuzz_worker.warm = lambda inside, made, commands: None",
         "fuzz_worker.fuzz_commands.companions = lambda: {'m.obj': b''}",
         "def consume(family, path, made, index):",
-        f"    {step}",
+        f"    exec({[*HOSTILE]}[index])",
         "fuzz_worker.consume = consume",
         "fuzz_worker.main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), os.open(sys.argv[4], os.O_WRONLY))",
     ]
     worker.write_text("\n".join(lines))
-    findings, _, _ = fuzzing.run(2, "x", 1, worker=worker)
-    assert [each["index"] for each in findings] == [0, 1]
-    assert all(finding in each["finding"] for each in findings), findings
+    findings, _, _ = fuzzing.run(len(HOSTILE), "x", 1, worker=worker)
+    assert [each["index"] for each in findings] == list(range(len(HOSTILE)))
+    for found, expected in zip(findings, HOSTILE.values(), strict=True):
+        assert expected in found["finding"]

@@ -12,9 +12,10 @@ import numpy.typing as npt
 
 from obscurance.raytrace.types import AnyInts, Float64s
 
+from ...asset.primitive import BAKED, W, known_columns
 from .accessors import COMPONENTS
 from .asset import BIN_CHUNK, JSON_CHUNK
-from .records import PROFILE
+from .records import LEFT, PROFILE
 
 if TYPE_CHECKING:
     from obscurance.ao import Bake
@@ -69,7 +70,7 @@ class GlbBuilder:
     def annotate(
         self, primitive: dict[str, Any], bake: Bake, vertices: AnyInts, colors: str, stored: npt.NDArray[Any] | None
     ) -> None:
-        """Give a primitive w of its vertices, and the profile in 16 bits, four columns an attribute.
+        """Give a primitive a bake of its vertices, floats, and the profile in 16 bits, four columns an attribute.
 
         Args: vertices: of the bake, which it has. colors: channels of `COLOR_0` that hold w, too.
             stored: (n, 3 or 4), of the other channels; None: white, 8 bits.
@@ -77,9 +78,10 @@ class GlbBuilder:
         attributes = primitive["attributes"]
         w = bake.w[vertices]
         profile = bake.profile
-        for name in [name for name in attributes if name.startswith(PROFILE)]:
+        for name in [name for name in attributes if name.startswith(LEFT[W])]:
             del attributes[name]
-        attributes["_OBSCURANCE"] = self.accessor(w.astype("<f4"))
+        for name, values in known_columns(bake).items():
+            attributes[LEFT[BAKED[name]]] = self.accessor(values[vertices].astype("<f4"))
         if colors:
             attributes["COLOR_0"] = self._colors(w, colors, stored)
         if profile is None:

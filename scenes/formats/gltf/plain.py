@@ -144,11 +144,11 @@ def _vertex_columns(asset: Asset, colors: str) -> dict[str, npt.NDArray[Any]]:
 
 def kept_numbers(asset: Asset) -> list[str]:
     """Names of the further numbers of vertices that a .glb has: float32 holds them, and capitals do not clash."""
-    name_of = {"OBSCURANCE": ""}
+    name_of: dict[str, str] = {}
     for name, values in asset.numbers.items():
         if fits_float(values):
             name_of.setdefault(name.upper(), name)
-    return [name for name in name_of.values() if name]
+    return list(name_of.values())
 
 
 def fits_float(values: npt.NDArray[Any]) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from obscurance.raytrace.errors import MeshError
 
 from ...asset.asset import Asset, Node
-from ...asset.primitive import COLOR, NORMAL, RAMP, Column, ColumnSet, Lazy, Primitive, W
+from ...asset.primitive import BAKED, COLOR, NORMAL, RAMP, Column, ColumnSet, Lazy, Primitive
 from ...geometry.instances import check_copies
 from ..table import MeshInput
 from .accessors import column, flipped, normalized, triangles, values, vectors
@@ -20,7 +20,7 @@ from .asset import DrawnPrimitive, Gltf, decode, entry
 from .draco import decompressed
 from .occlusion import ramp_sets
 from .pose import Posed, Poses, in_words
-from .records import PROFILE, TRANSMISSION
+from .records import LEFT, PROFILE, TRANSMISSION
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _COPIES = "EXT_mesh_gpu_instancing"
 _UV = "TEXCOORD_"
-_READ = ("POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0", "_OBSCURANCE")
+_READ = ("POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0", *LEFT.values())
 _WORDS = {
     "materials": "materials", "textures": "textures", "animations": "animations", "skins": "skins",
     "cameras": "cameras", "extensionsUsed": "extensions",
@@ -144,11 +144,13 @@ def _columns(raw: Gltf, drawn: DrawnPrimitive) -> ColumnSet:
             columns[key] = partial(_column, raw, drawn, name, "VEC2")
         elif name == "COLOR_0":
             columns[COLOR] = partial(_column, raw, drawn, name, "VEC3", "VEC4")
-    with suppress(KeyError, ValueError):  # unless the attribute of that name is something else
-        w = values(raw, drawn.primitive.attributes["_OBSCURANCE"], "SCALAR").ravel()
-        count = entry(raw.geometry.accessors, drawn.primitive.attributes["POSITION"], "accessors").count
-        if len(w) == count and w.dtype.kind == "f":
-            columns[W] = Column(w)
+    count = entry(raw.geometry.accessors, drawn.primitive.attributes["POSITION"], "accessors").count
+    for name, attribute in LEFT.items():
+        with suppress(KeyError, ValueError):  # unless the attribute of that name is something else
+            left = values(raw, drawn.primitive.attributes[attribute], "SCALAR", "VEC3")
+            is_vector = name == BAKED["bent_normals"]
+            if len(left) == count and left.dtype.kind == "f" and left.shape[1] == (3 if is_vector else 1):
+                columns[name] = Column(left if is_vector else left.ravel())
     return ColumnSet(columns)
 
 

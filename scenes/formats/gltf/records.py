@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.system.records import At, Fault, Record, Within, read
 
+from ...asset.primitive import BAKED
 from ...json_toml import shown
 
 T = TypeVar("T")
@@ -25,6 +26,7 @@ Matrix = tuple[
     Number, Number, Number, Number, Number, Number, Number, Number,
     Number, Number, Number, Number, Number, Number, Number, Number,
 ]  # fmt: skip
+LEFT = {column: f"_{column.upper()}" for column in BAKED.values()}  # attributes of what a bake leaves
 PROFILE = "_OBSCURANCE_PROFILE_"  # and a number: attributes of four columns each
 WRAP = 10497  # REPEAT
 LIGHTS = "extensions.KHR_lights_punctual.lights"

@@ -60,7 +60,6 @@ class Textures:
                 opacity_texture=texture,
                 occlusion=occlusion,
                 images=texture_images(self.asset.header, tables[number]),
-                stored=stored,
             )
 
     def _transmission(self, material: GltfMaterial) -> float:

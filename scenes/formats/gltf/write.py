@@ -29,7 +29,8 @@ _ROWS = 4
 
 
 def glb(bake: Bake, asset: Asset, channels: Channels) -> bytes:
-    """A GLB file with the vertex attribute `_OBSCURANCE` (float32 SCALAR), and those of a profile.
+    """A GLB file with vertex attributes of w, and of its error, flags and bent normals as far as they are known
+    (`records.LEFT`, float32), and those of a profile.
 
     A glTF source is kept as stored; only what holds w is added, and meshes that several nodes share are given to each
     node separately, because each instance has its own w. Every other source becomes `plain.plain`.
@@ -167,16 +168,6 @@ def write_ramp(builder: GlbBuilder, drawn: Iterable[tuple[dict[str, Any], AnyFlo
             add_coordinates(builder, primitive, number, ramp_coordinates(w))
             textures.give(primitive, ramp, number)
     textures.apply()
-
-
-def has_colors(asset: Asset, checked: bool) -> bool:
-    """Whether a glTF has colours of vertices. Raises: MeshError: they are malformed, and to be `checked`."""
-    raw = asset.raw
-    assert isinstance(raw, Gltf)
-    for drawn, part in zip(raw.drawn, asset.parts, strict=True) if checked else ():
-        stored_colors(raw, drawn.primitive.attributes, part.vertices.stop - part.vertices.start)
-    primitives = [primitive for mesh in raw.geometry.meshes for primitive in mesh.primitives]
-    return any("COLOR_0" in primitive.attributes for primitive in primitives)
 
 
 def ramp_warnings(asset: Asset, replace: bool) -> list[str]:

@@ -47,7 +47,6 @@ def read_obj(mesh_input: MeshInput) -> Asset:
         material=used.of if used.names else None,
         object=objects.of if keeps_objects else None,
     )
-    notes |= dict.fromkeys(primitive.triangles.notes)
     if mesh_input.alpha:
         explained = [words + end for words in missing for begin, end in _EXPLAINED.items() if words.startswith(begin)]
         notes |= dict.fromkeys(explained)

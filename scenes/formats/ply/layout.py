@@ -18,7 +18,7 @@ from obscurance.raytrace.types import AnyInts, Float32s
 
 from ...asset.asset import Stored
 from ...asset.material import Material, find_picture, picture
-from ...asset.primitive import COLOR, Column, ColumnSet, reverse_order
+from ...asset.primitive import BAKED, COLOR, Column, ColumnSet, W, reverse_order
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
@@ -35,7 +35,8 @@ _END, _END_BY_CR = re.compile(rb"^end_header[ \t\r]*\n", re.MULTILINE), re.compi
 INDICES = ("vertex_indices", "vertex_index")
 COUNT = "number of "
 UP_COMMENT = "comment up "  # of files of ours, and an axis
-PROFILE = "obscurance_"  # and two digits: columns of a profile
+AXES = ("_x", "_y", "_z")  # behind the names of columns of vectors
+PROFILE = f"{W}_"  # and two digits: columns of a profile
 PROFILE_COMMENT = "comment obscurance profile: "  # of files of ours, the radius and the half-distances
 RGB = ("red", "green", "blue")
 OWN = "comment obscurance: "  # of files of ours, and what holds w
@@ -82,8 +83,8 @@ class Element:
         return replace(self, properties=tuple(column.fitting() for column in self.properties))
 
     def others(self, *names: str | None) -> tuple[Property, ...]:
-        """The properties but those of these names, and of a profile."""
-        return tuple(column for column in self.properties if column.name not in names and not is_profile(column.name))
+        """The properties but those of these names, and of a bake."""
+        return tuple(one for one in self.properties if one.name not in names and not one.name.startswith(W))
 
 
 class Ply(Stored):
@@ -209,7 +210,7 @@ def ply_columns(elements: Sequence[Element], sizes: AnyInts) -> ColumnSet:
     """Texture coordinates, colours and further values of vertices. Args: sizes: of the polygons."""
     vertex = columns_of(elements, "vertex")
     columns: dict[str, Column | Callable[[], Column]] = {}
-    used = {*_MESH, *RGB, "alpha", "obscurance"}
+    used = {*_MESH, *RGB, "alpha"}
     for pair in UV:
         if "uv0" not in columns and all(name in vertex and _finite(vertex[name]) for name in pair):
             columns["uv0"] = partial(_stacked, [vertex[name] for name in pair])
@@ -220,7 +221,11 @@ def ply_columns(elements: Sequence[Element], sizes: AnyInts) -> ColumnSet:
     colours = stored_colors(elements)
     if set(RGB) <= set(colours):
         columns[COLOR] = partial(_colours, colours.values())
-    further = {name: column for name, column in vertex.items() if name not in used and not is_profile(name)}
+    for name in BAKED.values() if W in vertex else ():
+        several = [vertex[name + axis] for axis in AXES if name + axis in vertex]
+        if name in vertex or len(several) == len(AXES):
+            columns[name] = Column(vertex[name].values) if name in vertex else partial(_stacked, several)
+    further = {name: column for name, column in vertex.items() if name not in used and not name.startswith(W)}
     return ColumnSet(columns | {name: Column(column.values) for name, column in further.items()})
 
 
@@ -249,22 +254,6 @@ def stored_colors(elements: Sequence[Element]) -> dict[str, Property]:
     """The vertices' properties red, green, blue and alpha, as far as there are any."""
     vertex = columns_of(elements, "vertex")
     return {name: vertex[name] for name in (*RGB, "alpha") if name in vertex}
-
-
-def own_colors(elements: Sequence[Element]) -> dict[str, Property]:
-    """The vertices' colours as `stored_colors`, none if they are the grey that a bake has left."""
-    colors = stored_colors(elements)
-    baked = columns_of(elements, "vertex").get("obscurance")
-    if baked is not None and all(name in colors and colors[name].kind == "B" for name in RGB):
-        grey = grey_of(baked.values)
-        if all(np.array_equal(colors[name].values, grey) for name in RGB):
-            return {}
-    return colors if set(colors) & set(RGB) else {}
-
-
-def is_profile(name: str) -> bool:
-    """Whether a property is a column of a profile."""
-    return name.startswith(PROFILE) and name.removeprefix(PROFILE).isdecimal()
 
 
 def grey_of(w: npt.NDArray[Any]) -> Float32s:

@@ -63,8 +63,8 @@ def read_ply(mesh_input: MeshInput) -> Asset:
     columns = ply_columns(stored, sizes)
     if set(_NORMAL) <= set(vertex):
         columns |= {NORMAL: Column(np.stack([vertex[axis] for axis in _NORMAL], axis=1))}
-    if "obscurance" in vertex:
-        columns |= {W: Column(vertex["obscurance"])}
+    if W in vertex:
+        columns |= {W: Column(vertex[W])}
     positions = np.stack([vertex[axis] for axis in "xyz"], axis=1)
     primitive = Primitive.of(positions, corners, sizes, source, columns=columns, profile=header.profile(vertex))
     materials = ply_materials(header.comments, mesh_input.path.parent) if "uv0" in columns else ()

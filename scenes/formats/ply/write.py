@@ -6,13 +6,14 @@ import numpy as np
 
 from obscurance.ao import Bake
 from obscurance.raytrace.mesh.mesh import Mesh, up_axis
-from obscurance.raytrace.mesh.normals import face_areas
+from obscurance.raytrace.mesh.normals import face_areas, normalize
+from obscurance.raytrace.types import AnyFloats, Float64s
 
 from ...asset.asset import Asset
-from ...asset.primitive import float_normals
+from ...asset.primitive import BAKED, W, float_normals, known_columns
 from ..table import Channels
 from . import layout
-from .layout import COUNT, RGB, UP_COMMENT, Element, Ply, Property, grey_of, own_colors, stored_colors
+from .layout import COUNT, RGB, UP_COMMENT, Element, Ply, Property, grey_of, stored_colors
 
 GREY = "; red green blue = obscurance as sRGB"
 _COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"}
@@ -22,7 +23,8 @@ _COMMENTS |= {name[0]: f"; {name} = obscurance as sRGB" for name in RGB}
 
 def ply(bake: Bake, asset: Asset, channels: Channels) -> bytes:
     """A PLY file with the float property `obscurance`, and grey `red green blue`, w as sRGB, where that replaces
-    nothing. A profile becomes obscurance_00, …, and a comment with the radius and the half-distances.
+    nothing. Error, flags (uchar) and bent normals are properties too, as far as they are known, by the names of `BAKED`
+    and `AXES`. A profile becomes obscurance_00, …, and a comment with the radius and the half-distances.
 
     A PLY source keeps all its elements, properties, polygons and comments, of others the polygons, normals, colours
     and texture coordinates are kept (`s t` of vertices, or `texcoord` of faces where a vertex has several).
@@ -67,9 +69,11 @@ def bare_ply(mesh: Mesh) -> bytes:
 
 
 def has_own_colors(asset: Asset) -> bool:
-    """Whether the source has vertex colours that are not the grey of an earlier bake."""
+    """Whether the source has vertex colours, or a PLY some of the three, that are not the grey of an earlier bake."""
     if isinstance(asset.raw, Ply):
-        return bool(own_colors(asset.raw.elements))
+        some = {*RGB} & stored_colors(asset.raw.elements).keys()
+        if len(some) < len(RGB):
+            return bool(some)
     return any(part.primitive.own_colours for part in asset.parts)
 
 
@@ -99,14 +103,24 @@ def _cut(element: Element, asset: Asset) -> Element:
 
 
 def _of_polygons(bake: Bake, asset: Asset) -> Bake:
-    """w of the polygons that the faces of a bake were cut from: the mean by area. Its profile is left out."""
+    """A bake of the polygons that its faces were cut from: means by area, all flags. Its profile is left out."""
     polygon = asset.triangles.polygons
     if polygon is None:
         return replace(bake, profile=None)
     areas = np.maximum(face_areas(bake.mesh.vertices, bake.mesh.faces), 1e-300)
-    w = np.bincount(polygon, areas * bake.w) / np.bincount(polygon, areas)
+    count = len(asset.sizes)
+    whole = np.maximum(np.bincount(polygon, areas, count), 1e-300)
+
+    def mean(values: AnyFloats) -> Float64s:
+        return np.bincount(polygon, areas * values, count) / whole
+
     below = bake.below and _of_polygons(bake.below, asset)
-    return replace(bake, w=w, below=below, profile=None)
+    bent = normalize(np.stack([mean(column) for column in bake.bent_normals.T], axis=1))
+    flags = np.zeros(count, np.uint8)
+    np.bitwise_or.at(flags, polygon, bake.flags)
+    return replace(
+        bake, w=mean(bake.w), error=mean(bake.error), bent_normals=bent, flags=flags, below=below, profile=None
+    )
 
 
 def _annotate(element: Element, bake: Bake, colour_channels: str, further: str | None) -> Element:
@@ -117,10 +131,11 @@ def _annotate(element: Element, bake: Bake, colour_channels: str, further: str |
         further: the name of a second property of w.
     """
     colours = (*RGB, "alpha")[: {0: 0, 1: 4}.get(len(colour_channels), 3)]
-    unchanged = element.others("obscurance", further, *colours)
-    added = [Property(name, "f", bake.w.astype("<f4")) for name in filter(None, ("obscurance", further))]
+    unchanged = element.others(further, *colours)
+    known = known_columns(bake)
+    added = [Property(name, "f", known["w"]) for name in filter(None, (W, further))]
     if bake.below:
-        added.append(Property("obscurance_below", "f", bake.below.w.astype("<f4")))
+        added.append(Property(f"{W}_below", "f", bake.below.w.astype("<f4")))
     if bake.profile:
         columns = enumerate(bake.profile.values.T)
         added += [Property(f"{layout.PROFILE}{number:02}", "f", column.astype("<f4")) for number, column in columns]
@@ -129,6 +144,9 @@ def _annotate(element: Element, bake: Bake, colour_channels: str, further: str |
     elif colour_channels:
         grey = grey_of(bake.w)
         added += [Property(name, "B", grey) for name in RGB]
+    for name in [name for name in BAKED if name in known and name != "w"]:
+        axes = zip(layout.AXES if known[name].ndim > 1 else ("",), np.atleast_2d(known[name].T), strict=True)
+        added += [Property(BAKED[name] + axis, column.dtype.char, column) for axis, column in axes]
     return replace(element, properties=(*unchanged, *added))
 
 

@@ -18,6 +18,7 @@ from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
 from obscurance.raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
 
 from ...asset.asset import Asset
+from ...asset.material import places
 from ...formats.load import parser_errors
 
 Picture = tuple[Texture | None, AlphaSurface | None]  # of colours, and what of it is there
@@ -137,12 +138,12 @@ def _collect_colours(file: Asset, collected: _Collected) -> None:
         collected.light[run.faces] = material.colour
         if colours is not None:
             collected.light[run.faces] *= colours[part.primitive.faces[rows]]
-        places = file.places(part.primitive, material.texture)
-        if material.texture and places:
+        where = places(part.primitive, material.texture)
+        if material.texture and where:
             if material.texture.fault:
                 left_out[material.texture.words] = None
             elif material.texture.texture:
-                uv = places.values[part.primitive.rows(places)[rows]]
+                uv = where.values[part.primitive.rows(where)[rows]]
                 has_uv = ~np.isnan(uv).any(axis=(1, 2))
                 collected.uv[run.faces[has_uv]] = uv[has_uv]
                 collected.image_of[run.faces[has_uv]] = collected.number(material.texture.texture)

@@ -63,7 +63,7 @@ def html_page(
     Raises: OptionError: values of a wrong shape or out of range, or another axis.
     """
     name = mesh.source if title is None else title
-    return html_of_bakes(mesh, [Values(w, error, flags, bent_normals, name)], name, up, base)
+    return html_of_bakes(mesh, [Values(w, error, flags, bent_normals, name=name)], name, up, base)
 
 
 def html_of_bakes(
@@ -113,7 +113,7 @@ def page_of_bake(bake: Bake | Values, mesh_file: Asset, channels: Channels) -> b
     name = mesh_file.path.name
     title = "standard input" if mesh_file.path.stem == PIPED else name
     values = Values(
-        bake.w, bake.error, bake.flags, bake.bent_normals, title, profile=bake.profile, permanent=channels.again,
+        bake.w, bake.error, bake.flags, bake.bent_normals, bake.profile, name=title, permanent=channels.again,
         warning=channels.warning, rmse=bake.rmse,
     )  # fmt: skip
     return html_of_bakes(mesh_file.baked_mesh(len(bake.w)), [values], title, channels.up, base_colour(mesh_file))
@@ -124,6 +124,6 @@ def framed_page(bake: Bake) -> str | None:
     if len(bake.mesh.vertices) > _MOST:
         return None
     name = Path(bake.mesh.source).name
-    values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, name, profile=bake.profile, rmse=bake.rmse)
+    values = Values(bake.w, bake.error, bake.flags, bake.bent_normals, bake.profile, name=name, rmse=bake.rmse)
     content = html.escape(html_of_bakes(bake.mesh, [values], name).decode())
     return f'<iframe srcdoc="{content}" width="100%" height="480" style="border: 0"></iframe>'

@@ -24,6 +24,7 @@ from obscurance.raytrace.mesh.corners import split_creases
 from obscurance.raytrace.mesh.normals import normalize
 from obscurance.raytrace.types import AnyFloats, Float64s, Int32s, Int64s, UInt8s
 
+from ...asset.primitive import StoredBake
 from .base_colour import BaseColour, shrunk, uv_steps
 
 if TYPE_CHECKING:
@@ -45,21 +46,13 @@ class TexturedW:
 
 
 @dataclass(frozen=True, eq=False)
-class Values:
-    """Values of a bake at n vertices, None if unknown; an `ao.Bake` has the same attributes."""
+class Values(StoredBake):
+    """Values of a bake at n vertices, and what a page says of them."""
 
-    w: AnyFloats  # (n,), in [0, 1]
-    error: AnyFloats | None = None  # (n,), standard error of w, in [0, 100]
-    flags: npt.NDArray[Any] | None = None  # (n,), `ao.Flag`s
-    bent_normals: AnyFloats | None = None  # (n, 3), unit or zero
     name: str = "bake"
     textures: TexturedW | None = None  # what shows w in place of the vertices
-    profile: Profile | None = None
-    at: str = "vertices"
-    below: None = None
     permanent: str = 'baked.profile.at("{}")'  # the command that bakes a half-distance, which "{}" stands for
     warning: str = ""  # about the result, said first
-    rmse: float | None = None  # of `error`; None: over all vertices
 
     def checked(self, count: int) -> Values:
         """The values as float64 and uint8 arrays of `count` vertices. Raises: OptionError: one of another length."""

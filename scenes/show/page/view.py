@@ -1,7 +1,6 @@
 """`obscurance view`: from baked files to a page."""
 
 import webbrowser
-from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 
@@ -17,6 +16,7 @@ from obscurance.raytrace.system.checks import check_ending, check_outputs
 from obscurance.raytrace.types import Float64s, UInt8s
 
 from ...asset.asset import Asset
+from ...asset.primitive import StoredBake
 from ...formats.load import load, parser_errors
 from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated
 from ...formats.table import endings
@@ -71,19 +71,16 @@ def _values(path: Path, count: int, source: Asset | None) -> Values:
 
     Args: source: the mesh file, None of values alone.
     """
-    if source is None or source.w is None:
-        w = read_w(path, count)
+    stored = source.baked if source else None
+    textures = None
+    if stored is None:
+        profile = source.profile if source else find_profile(path)
+        stored = StoredBake(read_w(path, count), profile=profile, **read_beside_w(path, count))
         textures = _textures(source)
-    else:
-        w = source.w[:count]
-        textures = None
-    profile = source.profile if source else find_profile(path)
-    if profile and source:
-        profile = replace(profile, values=profile.values[:count])
     target = path.with_name(f"{path.stem}-falloff{'.glb' if path.suffix.lower() == '.gltf' else path.suffix}").name
     permanent = f"obscurance falloff {quote(path.name)} --half-distance {{}} -o {quote(target)}"
-    values = Values(w, name=path.name, textures=textures, profile=profile, permanent=permanent)
-    return replace(values, **read_beside_w(path, count)).checked(count)
+    values = Values(**vars(stored.first(count)), name=path.name, textures=textures, permanent=permanent)
+    return values.checked(count)
 
 
 def _textures(source: Asset | None) -> TexturedW | None:

@@ -88,7 +88,7 @@ def test_a_worker_that_is_stopped_as_it_starts_is_not_waited_for(tmp_path, mediu
 def test_where_all_workers_stop_as_they_start_the_bake_ends(tmp_path, starting, monkeypatch, how):
     stopped, messages = tmp_path / "stopped", []
     starting(STOPS.format(stopped=str(stopped), reported="", how=how))
-    monkeypatch.setattr("obscurance.ao.cluster.workers._START", 6.0)
+    monkeypatch.setattr("obscurance.ao.cluster.workers._START", 3.0)
     monkeypatch.setattr("obscurance.ao.cluster.workers._PATIENCE", 0.5)
 
     def notify(line):

@@ -5,7 +5,7 @@ import signal
 import time
 
 import pytest
-from clusters import LEFT_SOCKETS, MEDIUM, Attack, bake_on, on_one, scheduler, victims_of
+from clusters import LEFT_SOCKETS, MEDIUM, Attack, bake_on, kill, on_one, scheduler, victims_of
 from interrupted_bakes import bits
 
 from obscurance.ao.execute.work import bit_environment
@@ -136,8 +136,9 @@ def test_others_trace_the_blocks_of_a_worker_that_stands_still(tmp_path, medium)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(workers.CONFIG, "distributed.scheduler.worker-ttl", "2s")
-        with config.set({}), scheduler(2) as cluster, victims_of(cluster, 2, prepare):
+        with config.set({}), scheduler(2) as cluster, victims_of(cluster, 2, prepare) as pids:
             baked, _ = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", lambda _: None)
+            kill(pids[0])  # or the cluster waits for it to end
     assert bits(baked) == medium
 
 
@@ -149,7 +150,7 @@ from clusters import holding, is_first
 from obscurance.ao.execute.work import bit_environment
 
 async def say_nothing(*_):
-    Path({asked!r}).touch()
+    Path({asked!r}).write_text(str(os.getpid()))
     {instead}
 
 if is_first({first!r}):
@@ -161,7 +162,10 @@ else:
 """
 
 
-@pytest.mark.parametrize("instead", ["await asyncio.sleep(600)", "os.kill(os.getpid(), signal.SIGSTOP)"])
+@pytest.mark.parametrize(
+    "instead",
+    [pytest.param("await asyncio.sleep(600)", marks=pytest.mark.slow), "os.kill(os.getpid(), signal.SIGSTOP)"],
+)
 def test_a_late_worker_that_says_nothing_keeps_nobody_waiting(tmp_path, medium, instead):
     """Nor another one from being named that cannot be used either."""
     places = {name: tmp_path / name for name in ("first", "second", "asked", "reported")}
@@ -170,7 +174,7 @@ def test_a_late_worker_that_says_nothing_keeps_nobody_waiting(tmp_path, medium, 
 
     def notify(line):
         messages.append(line)
-        while not places["asked"].exists():
+        while not (places["asked"].exists() and places["asked"].read_text()):
             time.sleep(0.01)
         places["reported"].touch()
 
@@ -182,5 +186,6 @@ def test_a_late_worker_that_says_nothing_keeps_nobody_waiting(tmp_path, medium, 
 
     with scheduler(1, [str(script)]) as cluster:
         baked, _ = bake_on(cluster.scheduler_address, MEDIUM, tmp_path / "w.npy", notify, progress)
+        kill(int(places["asked"].read_text()))  # or the cluster waits for it to end
     assert bits(baked) == medium
     assert [line.partition(": ")[2] for line in messages] == ["test: expected nothing, got a z80"]

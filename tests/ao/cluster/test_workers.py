@@ -24,7 +24,7 @@ __all__ = ["impatient"]
 pytestmark = LEFT_SOCKETS
 
 
-@pytest.mark.parametrize("name", BAKES)
+@pytest.mark.parametrize("name", [name for name in BAKES if name not in ("binary", "limited")])
 def test_workers_make_the_bits_of_one_process(cluster, tmp_path, name):
     alone = BAKES[name]()  # at first: workers load its kernels
     baked, blocks = bake_on(cluster.scheduler_address, BAKES[name], tmp_path / "w.npy")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance
+from command import succeeded
 from meshes import crumpled as noisy
 
 from obscurance import ao
@@ -161,8 +161,7 @@ def test_an_unknown_policy_is_a_mistake(solids: Mesh) -> None:
 def test_the_command_reports_them(solids: Mesh, tmp_path: Path) -> None:
     trimesh.Trimesh(solids.vertices, solids.faces, process=False).export(tmp_path / "solids.ply")
     options = ("--samples", 16, "--interior", "fill", "--report", tmp_path / "r.json")
-    done = obscurance("bake", tmp_path / "solids.ply", "-o", tmp_path / "w.npy", *options)
-    assert done.returncode == 0, done.stderr
+    succeeded("bake", tmp_path / "solids.ply", "-o", tmp_path / "w.npy", *options)
     written = json.loads((tmp_path / "r.json").read_text())
     assert written["flagged"]["hidden"] > 100
     assert len(written["flagged_vertices"]["hidden"]) == written["flagged_vertices_at_most"] == 100

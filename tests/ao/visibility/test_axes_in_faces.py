@@ -17,7 +17,7 @@ from obscurance.scenes.geometry.polyhedra import icosphere
 CELLS = 4
 PIXELS = 10  # texels along a patch
 MODES = {"plain": {}, "ignore": {"back_faces": "ignore"}, "cone": {"spread": 100.0}}
-SAMPLES, RAYS = 1024, 1 << 10  # of the reference
+SAMPLES, RAYS = 1024, 1 << 9  # of the reference
 
 
 def patch(corner, u, v):
@@ -175,8 +175,10 @@ def expected(scene, places, normals, options, of_file=False):
     return w
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(
+    ("shape", "mode"),
+    [(shape, mode) for shape in SHAPES for mode in MODES if mode == "plain" or shape in ("box", "cards")],
+)
 @pytest.mark.parametrize("kind", ["vertices", "faces", "texels", "points"])
 def test_what_a_face_has_below_is_closed(kind, shape, mode):
     for seed, normals in ((1, "up"), (2, "file")):
@@ -187,7 +189,7 @@ def test_what_a_face_has_below_is_closed(kind, shape, mode):
         if kind == "points":  # whose axes choose the back of a face that they are far behind
             seen = face_normals @ scene.axis > -0.7
             w, places, face_normals = w[seen], places[seen], face_normals[seen]
-        some = np.random.default_rng(seed).permutation(len(w))[:16]
+        some = np.random.default_rng(seed).permutation(len(w))[:12]
         of_file = normals == "file" and kind != "points"
         truth = np.array(expected(scene, places[some], face_normals[some], MODES[mode], of_file))
         error = np.sort(w[some] - truth)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from command import obscurance, refused, succeeded
-from gltf_files import QUAD, Builder
+from gltf_files import HALVES, QUAD, Builder
 
 from obscurance import ao, scenes
 from obscurance.ao.closed_forms import polygon_form_factor
@@ -23,7 +23,6 @@ W = 1 - np.array([[polygon_form_factor(LID, (x, -y, 0), (0, 0, 1)) for x in PLAC
 """Of the texels of the square below the lid, by their centres."""
 FEW = ("--samples", 64, "--size", 16, "--falloff", "binary", "--max-distance", 9)
 UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "<f4")  # downwards: all of the page
-FACES = [[0, 1, 2], [0, 2, 3]]
 OPEN, BELOW = {"mesh": 0, "name": "open", "translation": [99, 0, 0]}, {"mesh": 0, "name": "below"}
 
 
@@ -32,7 +31,7 @@ def squares(folder, nodes=(OPEN, BELOW), lid_uv=None, meshes=1, **fields):
     builder, path = Builder(), folder / "squares.glb"
     for side, height, uv in (*[(2, 0, UV)] * meshes, (4, HEIGHT, lid_uv)):
         vertices = ((QUAD - (0.5, 0.5, 0)) * side + (0, 0, height)).astype("<f4")
-        piece = builder.primitive(vertices, FACES, material=0 if side == 2 else 1)
+        piece = builder.primitive(vertices, HALVES, material=0 if side == 2 else 1)
         if uv is not None:
             piece["attributes"]["TEXCOORD_0"] = builder.accessor(uv, "VEC2")
         builder.mesh(piece)

@@ -6,7 +6,7 @@ import os
 import numpy as np
 import pytest
 from command import obscurance, refused, succeeded
-from gltf_files import QUAD, Builder
+from gltf_files import HALVES, QUAD, Builder
 from mesh_files import ply
 from meshes import hills
 from PIL import Image
@@ -32,7 +32,7 @@ def folder(tmp_path, monkeypatch):
     write_image(tmp_path / "a.png", np.zeros((4, 4, 3)))
     write_image(tmp_path / "b.png", np.ones((4, 4, 3)))
     builder = Builder()
-    builder.mesh(builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]]))
+    builder.mesh(builder.primitive(QUAD, HALVES))
     header = builder.header | {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
     header |= {"buffers": [{"uri": "quad.bin", "byteLength": len(builder.binary)}], "images": [{"uri": "paint.png"}]}
     (tmp_path / "quad.bin").write_bytes(builder.binary)

@@ -8,7 +8,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from command import obscurance, refused, succeeded
-from gltf_files import QUAD, Builder
+from gltf_files import HALVES, QUAD, Builder
 
 from obscurance import ao, scenes
 from obscurance.ao.closed_forms import polygon_form_factor
@@ -25,12 +25,11 @@ W = 1 - np.array([[polygon_form_factor(LID, (x, -y, 0), (0, 0, 1)) for x in PLAC
 """Of the floor's texels below the lid, by their centres."""
 FEW = ("--samples", 64, "--size", 16, "--falloff", "binary")
 UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "<f4")  # downwards: all of the page
-FACES = [[0, 1, 2], [0, 2, 3]]
 
 
 def plate(builder, side, height, uv=UV, **fields):
     """A square about the origin, whose layout is the whole page."""
-    piece = builder.primitive(((QUAD - (0.5, 0.5, 0)) * side + (0, 0, height)).astype("<f4"), FACES, **fields)
+    piece = builder.primitive(((QUAD - (0.5, 0.5, 0)) * side + (0, 0, height)).astype("<f4"), HALVES, **fields)
     if uv is not None:
         piece["attributes"]["TEXCOORD_0"] = builder.accessor(uv, "VEC2")
     return piece

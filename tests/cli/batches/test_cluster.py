@@ -44,6 +44,9 @@ def test_workers_started_here_make_the_file_of_one_process(tmp_path, mesh):
 def test_a_picture_by_workers_started_here_is_the_file_of_one_process(tmp_path):
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
     succeeded("scenes", "plane_wall", "-o", tmp_path / "scene.toml")
+    text = (tmp_path / "scene.toml").read_text()
+    assert "[obscurance]" in text
+    (tmp_path / "scene.toml").write_text(text.replace("[obscurance]", "[obscurance]\nsamples = 16"))
     render = "render", tmp_path / "scene.toml", "--width", 96, "--height", 64
     succeeded(*render, "-o", tmp_path / "whole.exr")
     result = obscurance(*render, "-o", tmp_path / "picture.exr", "--cluster", "local", "--report", tmp_path / "r.json")

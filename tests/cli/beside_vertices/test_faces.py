@@ -36,9 +36,14 @@ def test_arrays_have_a_row_a_triangle_and_ply_a_property_of_polygons(quads):
         "property float obscurance_below",
     ]
     assert b"obscurance" not in header[header.index(b"element vertex") : header.index(b"element face")]
-    row = np.dtype([("n", "u1"), ("v", "<i4", 4), ("w", "<f4", 2), ("grey", "u1", 3)])
-    w = np.frombuffer(body[-2 * row.itemsize :], row)["w"]
-    assert np.abs(w - np.stack([arrays["w"].reshape(2, 2).mean(axis=1), [1, 1]], axis=1)).max() < 1e-6
+    left = [("error", "<f4"), ("flags", "u1"), ("bent", "<f4", 3)]
+    row = np.dtype([("n", "u1"), ("v", "<i4", 4), ("w", "<f4", 2), ("grey", "u1", 3), *left])
+    rows = np.frombuffer(body[-2 * row.itemsize :], row)
+    assert np.abs(rows["w"] - np.stack([arrays["w"].reshape(2, 2).mean(axis=1), [1, 1]], axis=1)).max() < 1e-6
+    assert np.abs(rows["error"] - arrays["error"].reshape(2, 2).mean(axis=1)).max() < 1e-6
+    assert np.array_equal(rows["flags"], np.bitwise_or.reduce(arrays["flags"].reshape(2, 2), axis=1))
+    bent = arrays["bent_normals"].reshape(2, 2, 3).sum(axis=1)
+    assert np.abs(rows["bent"] - bent / np.linalg.norm(bent, axis=1, keepdims=True)).max() < 1e-5
 
 
 def test_reports_count_faces_and_show_one_grey_on_each(quads):

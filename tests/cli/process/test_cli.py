@@ -113,7 +113,7 @@ def test_the_demonstration_makes_a_mesh_and_a_picture(demonstration):
     assert 0 <= w.min() < 0.1
     assert w.max() == 1
     picture = read_image(demonstration / "temple.png")[0]["beauty"][..., 1]
-    without, with_w = picture[:, :720], picture[:, -720:]
+    without, with_w = picture[:, :180], picture[:, -180:]
     assert (with_w <= without + 0.01).all()
     assert with_w.mean() < 0.95 * without.mean()
 

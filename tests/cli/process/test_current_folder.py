@@ -34,7 +34,7 @@ def run(command, folder, *arguments):
 @pytest.mark.parametrize("command", [COMMAND, AS_MODULE])
 def test_workers_import_nothing_from_it(folder, command):
     pytest.importorskip("distributed", reason="pip install '.[cluster]'")
-    said = run(command, folder, "bake", "hills.obj", "-o", "w.npz", "--samples", "1024", "--cluster", "local")
+    said = run(command, folder, "bake", "hills.obj", "-o", "w.npz", "--samples", "400", "--cluster", "local")
     assert said.endswith("local: 1 block made by workers\n")
 
 

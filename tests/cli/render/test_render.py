@@ -46,19 +46,6 @@ def whole(scene, folder):
     return rendered(scene, folder / "whole.exr", "--report", folder / "whole.json", "--threads", 1)
 
 
-@pytest.mark.parametrize("name", BUILTIN)
-def test_every_builtin_scene_renders(tmp_path, name):
-    written = tmp_path / f"{name}.toml"
-    succeeded("scenes", name, "-o", written)
-    written.write_text(written.read_text().replace("[obscurance]", "[obscurance]\nsamples = 16"))
-    layers = rendered(written, tmp_path / "picture.exr")
-    assert set(layers) == set(LAYERS)
-    assert layers["beauty"].shape == (32, 48, 4)
-    assert layers["beauty"][..., :3].std() > 0.02
-    assert layers["obscurance"].min() < 0.9
-    check_sum(layers)
-
-
 def test_the_scenes_are_listed():
     result = succeeded("scenes")
     assert [line.split()[0] for line in result.stdout.splitlines()] == list(BUILTIN)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from meshes import two_boxes
 from render_scenes import write_ball
 
@@ -25,8 +25,7 @@ def described(made, settings=SMALL):
 def test_frames_are_pictures_of_the_cameras_on_one_turn(tmp_path):
     trimesh.Trimesh(*two_boxes(), process=False).export(tmp_path / "boxes.ply")
     options = "--width", 64, "--height", 48, "--samples", 4
-    done = obscurance("render", tmp_path / "boxes.ply", "-o", tmp_path / "turn.exr", *options, "--turntable", 3)
-    assert done.returncode == 0, done.stderr
+    done = succeeded("render", tmp_path / "boxes.ply", "-o", tmp_path / "turn.exr", *options, "--turntable", 3)
     names = [f"turn_000{number}.exr" for number in (1, 2, 3)]
     assert sorted(path.name for path in tmp_path.glob("*.exr")) == names
     assert [line.split(":")[0].split("/")[-1] for line in done.stdout.splitlines()] == names

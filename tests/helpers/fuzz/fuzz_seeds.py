@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import OpenImageIO as oiio
 import PIL.Image
-from gltf_files import QUAD, TRIANGLE, Builder
+from gltf_files import HALVES, QUAD, TRIANGLE, Builder
 from mesh_files import FACES, NORMALS, VERTICES, ascii_ply, ascii_stl, mixed_ply, obj, off, ply, rich_ply, stl
 from vtp_files import COMPRESSORS, FORMS, Writer
 
@@ -89,7 +89,7 @@ def builder():
     """A mesh of two primitives, one with texture coordinates and a stride, and one of a skin and a morph target."""
     made = Builder()
     made.mesh(
-        made.primitive(QUAD, [[0, 1, 2], [0, 2, 3]], np.tile([0.0, 0.0, 1.0], (4, 1)), material=0),
+        made.primitive(QUAD, HALVES, np.tile([0.0, 0.0, 1.0], (4, 1)), material=0),
         made.primitive(TETRAHEDRON, SIDES, material=1),
     )
     textured = made.primitive(TRIANGLE, material=2)

@@ -2,6 +2,8 @@
 
 import json
 import struct
+from functools import reduce
+from operator import getitem
 
 import numpy as np
 
@@ -10,6 +12,22 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4")
 QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype="<f4")
+HALVES = [[0, 1, 2], [0, 2, 3]]
+"""The faces of `QUAD`."""
+
+
+GONE = object()
+
+
+def change(header, changes):
+    """Put values, or what functions make of the header, at places such as nodes/0/mesh; `GONE` leaves nothing there."""
+    for place, value in changes.items():
+        *parts, last = (int(part) if part.isdecimal() else part for part in place.split("/"))
+        holder = reduce(getitem, parts, header)
+        if value is GONE:
+            del holder[last]
+        else:
+            holder[last] = value(header) if callable(value) else value
 
 
 class Builder:

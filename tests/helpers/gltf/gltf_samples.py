@@ -5,9 +5,8 @@ import io
 
 import numpy as np
 import PIL.Image
-from gltf_files import QUAD, TRIANGLE, Builder
+from gltf_files import HALVES, QUAD, TRIANGLE, Builder
 
-FACES = [[0, 1, 2], [0, 2, 3]]
 UV = QUAD[:, :2].copy()
 TEXTURED = {"name": "paint", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}
 
@@ -36,7 +35,7 @@ def with_images(builder, *images):
 
 def quad(builder, *sets, **fields):
     """A primitive of four vertices with so many sets of texture coordinates."""
-    made = builder.primitive(QUAD, FACES, **fields)
+    made = builder.primitive(QUAD, HALVES, **fields)
     for number in sets:
         made["attributes"][f"TEXCOORD_{number}"] = builder.accessor(UV, "VEC2")
     return made
@@ -114,7 +113,7 @@ def sparse(base=True):
     vertices = QUAD.copy()
     if base:
         vertices[3] = 9
-    builder.mesh(builder.primitive(vertices, FACES))
+    builder.mesh(builder.primitive(vertices, HALVES))
     accessor = builder.header["accessors"][0]
     accessor |= {"min": [0, 0, 0], "max": [1, 1, 0]}
     rows = [3] if base else [1, 2, 3]

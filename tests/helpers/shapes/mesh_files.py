@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from gltf_files import QUAD, Builder
+from gltf_files import HALVES, QUAD, Builder
 
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.mesh.mesh import Mesh
@@ -76,7 +76,7 @@ def ascii_stl(*solids):
 
 def glb():
     builder = Builder()
-    builder.mesh(builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]]))
+    builder.mesh(builder.primitive(QUAD, HALVES))
     return builder.glb([{"mesh": 0, "name": "quad"}])
 
 

@@ -133,7 +133,7 @@ def test_normals_of_the_source_decide_which_side_a_vertex_is_on(wound):
     np.testing.assert_array_equal(shaded, bare)
 
 
-@pytest.mark.parametrize(("fineness", "flat"), [(6, 1.0), (40, 0.125)])
+@pytest.mark.parametrize(("fineness", "flat"), [(6, 1.0), pytest.param(40, 0.125, marks=pytest.mark.slow)])
 def test_instanced_rooms_whose_walls_meet_in_the_middle_of_the_world_are_black(fineness, flat):
     """Coordinates are small there, but a ray's way into an instance's frame is rounded as where they are not."""
     shape = Shape(Mesh(*inward(cube(fineness))), WHITE)

@@ -3,7 +3,7 @@
 import numpy as np
 import PIL.Image
 import pytest
-from command import obscurance
+from command import obscurance, succeeded
 from gltf_scenes import textured, triangle
 
 from obscurance.raytrace.errors import InputError
@@ -101,7 +101,7 @@ def test_the_command_cuts_by_a_texture_of_any_size_unless_alpha_is_to_be_ignored
     )
     grey, red = [0.7, 0.7, 0.7, 1], [1, 0, 0, 0]
     for options, right in (([], red), (["--alpha", "ignore"], grey)):
-        assert obscurance("render", scene, "-o", tmp_path / "out.exr", *options).returncode == 0
+        succeeded("render", scene, "-o", tmp_path / "out.exr", *options)
         layers, _ = read_image(tmp_path / "out.exr")
         np.testing.assert_allclose(layers["beauty"][:, 0], [grey] * 16, atol=1e-6)
         np.testing.assert_allclose(layers["beauty"][:, 15], [right] * 16, atol=1e-6)

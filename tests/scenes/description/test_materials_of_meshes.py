@@ -4,7 +4,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from command import obscurance
+from command import succeeded
 from PIL import Image
 
 from obscurance.raytrace import BlinnPhong, Lambert
@@ -49,8 +49,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def layer(mesh, name, *options):
-    done = obscurance("render", mesh, "-o", "p.exr", *VIEW, *options)
-    assert done.returncode == 0, done.stderr
+    succeeded("render", mesh, "-o", "p.exr", *VIEW, *options)
     return read_image("p.exr")[0][name]
 
 
@@ -71,7 +70,7 @@ def test_each_material_of_an_obj_is_an_object(folder):
 
 
 def test_a_picture_of_an_obj_has_the_colours_of_its_glb(folder):
-    assert obscurance("bake", "m.obj", "-o", "m.glb", "--samples", 8).returncode == 0
+    succeeded("bake", "m.obj", "-o", "m.glb", "--samples", 8)
     shown = layer("m.obj", "albedo")
     is_physical = layer("m.obj", "object_id")[..., 0] != 2  # Blinn–Phong's k_d is Kd over π
     differs = np.abs(shown - layer("m.glb", "albedo"))[is_physical] > 2e-3
@@ -85,8 +84,7 @@ def test_a_picture_of_an_obj_has_the_colours_of_its_glb(folder):
 def test_w_of_a_file_is_on_every_material(folder):
     w = np.linspace(0, 1, 9)
     np.save("w.npy", w)
-    done = obscurance("render", "m.obj", "-o", "p.exr", *VIEW[:-2], "--baked", "w.npy")
-    assert done.returncode == 0, done.stderr
+    succeeded("render", "m.obj", "-o", "p.exr", *VIEW[:-2], "--baked", "w.npy")
     shown = read_image("p.exr")[0]["obscurance"][24, :, 0]
     seen = shown[shown < 1]
     assert (np.abs(np.diff(seen)) < 0.05).all()  # no jump between the materials
@@ -136,8 +134,7 @@ def test_the_texture_that_a_ply_names_is_shown(folder):
     assert {path.name for path in described.files} == {"t.ply", "p.png"}
     assert len(np.unique(layer("t.ply", "albedo").round(1).reshape(-1, 3), axis=0)) >= 3
     for target in ("t.glb", "t.html", "u.ply"):
-        done = obscurance("bake", "t.ply", "-o", target, "--samples", 8)
-        assert done.returncode == 0, done.stderr
+        succeeded("bake", "t.ply", "-o", target, "--samples", 8)
     assert b"baseColorTexture" in (folder / "t.glb").read_bytes()
     assert b"comment TextureFile p.png\ncomment TextureFile q.png\n" in (folder / "u.ply").read_bytes()
 

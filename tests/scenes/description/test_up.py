@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from fuzz_seeds import DAE
 from gltf_files import TRIANGLE, Builder, check_glb, values
 from mesh_files import ply, stl
@@ -36,8 +36,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def picture(*arguments):
-    done = obscurance(*arguments)
-    assert done.returncode == 0, done.stderr
+    succeeded(*arguments)
     return read_image("p.exr" if "p.exr" in arguments else "p.png")[0]["beauty"]
 
 
@@ -133,8 +132,7 @@ def stored(name):
 
 
 def baked(*arguments):
-    done = obscurance("bake", *arguments, "--samples", 8, "--quiet")
-    assert done.returncode == 0, done.stderr
+    succeeded("bake", *arguments, "--samples", 8, "--quiet")
 
 
 def test_an_stl_stands_upright_in_a_glb_once(folder):
@@ -178,7 +176,7 @@ def test_a_ply_says_what_is_up(folder):
     assert stored("y.glb")[2] == ["z up"]
     render = "-o", "p.exr", *SIZE, "--obscurance", "off"
     np.testing.assert_array_equal(picture("render", "one.ply", *render), picture("render", "z.stl", *render))
-    assert obscurance("view", "one.ply", "y.glb", "-o", "both.html").returncode == 0
+    succeeded("view", "one.ply", "y.glb", "-o", "both.html")
     for name, axis in (("one.ply", "z"), ("y.glb", "y")):
         assert f"up {axis}" in [" ".join(line.split()) for line in obscurance("info", name).stdout.splitlines()]
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance, refused
-from gltf_files import QUAD, Builder, check_glb
+from command import obscurance, refused, succeeded
+from gltf_files import HALVES, QUAD, Builder, check_glb
 from kept_contents import columns
 from mesh_files import mesh_file, random_bake, rich_ply
 from trimesh.exchange.gltf import load_glb
@@ -72,7 +72,7 @@ def test_a_ply_keeps_the_bits_of_the_other_channels(tmp_path, kinds, channel):
 def test_a_glb_keeps_the_bits_of_the_other_channels_in_each_instance(tmp_path, kind, width, channel):
     largest, builder, rng = LARGEST[kind], Builder(), np.random.default_rng(4)
     stored = (rng.random((4, width)) * largest).astype(kind)
-    quad = builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]])
+    quad = builder.primitive(QUAD, HALVES)
     padded = stored if kind == "<f4" or width == 4 else np.pad(stored, ((0, 0), (0, 1)))
     quad["attributes"]["COLOR_0"] = builder.accessor(padded, f"VEC{width}", normalized=largest > 1)
     if padded is not stored:
@@ -149,9 +149,9 @@ def test_the_command(tmp_path, monkeypatch):
         ["m.obj", "-o", "b.glb", "--colors", "rgb", "--report", "b.json"],
         ["m.obj", "-o", "c.glb", "--options", "b.json"],
     ):
-        assert obscurance("bake", *line, *few).returncode == 0
+        succeeded("bake", *line, *few)
     assert len({(tmp_path / f"{name}.glb").read_bytes() for name in "abc"}) == 1
-    assert obscurance("bake", "rich.ply", "-o", "g.ply", "--colors", "g", *few).returncode == 0
+    succeeded("bake", "rich.ply", "-o", "g.ply", "--colors", "g", *few)
     rows = {name: column.values for name, column in columns(tmp_path / "g.ply")[0]["vertex"].items()}
     assert (set(rows["red"]), set(rows["blue"]), set(rows["alpha"])) == ({250}, {0}, {255})
     refused(obscurance("bake", "m.obj", "-o", "w.ply", "--colors", "x"), "expected one of rgb, r, g, b, a, got x")
@@ -160,7 +160,7 @@ def test_the_command(tmp_path, monkeypatch):
 
 def test_colours_that_cannot_be_kept_are_refused_before_the_bake(tmp_path):
     builder = Builder()
-    quad = builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]])
+    quad = builder.primitive(QUAD, HALVES)
     quad["attributes"]["COLOR_0"] = builder.accessor(np.ones((3, 4), "<f4"), "VEC4")
     builder.mesh(quad)
     (tmp_path / "in.glb").write_bytes(builder.glb([{"mesh": 0}]))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import validator
-from gltf_files import QUAD, Builder
+from gltf_files import HALVES, QUAD, Builder
 from meshes import hills
 from profiles import with_profile
 
@@ -64,7 +64,7 @@ def test_a_bake_of_a_baked_file_replaces_its_profile_or_leaves_none(tmp_path, so
 
 def test_a_glb_of_several_objects_has_one_profile(tmp_path):
     builder = Builder()
-    builder.mesh(builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]]))
+    builder.mesh(builder.primitive(QUAD, HALVES))
     data = builder.glb([{"mesh": 0, "name": "one"}, {"mesh": 0, "name": "two", "translation": [0, 0, 2]}])
     (tmp_path / "quads.glb").write_bytes(data)
     file = load(tmp_path / "quads.glb", tmp_path / "baked.glb")

@@ -1,13 +1,15 @@
 """The registry of formats and what follows it: names of functions, choices of options, pipes, formats from outside."""
 
 import re
+import subprocess
+import sys
 from pkgutil import resolve_name
 from typing import get_args
 
 import numpy as np
 import pytest
-from command import obscurance
-from gltf_files import QUAD, Builder
+from command import succeeded
+from gltf_files import HALVES, QUAD, Builder
 from project import ROOT
 
 from obscurance import scenes
@@ -49,36 +51,48 @@ def test_first_bytes_show_the_format(content, ending):
     assert sniffed_format(content) == ending
 
 
-def test_a_format_from_outside_is_read_as_the_guide_for_contributors_says(tmp_path, monkeypatch):
-    row, reader = re.findall("```python\n(.*?)```", (ROOT / "CONTRIBUTING.md").read_text(), re.DOTALL)[:2]
-    assert len((row + reader).split("\n")) <= 14
-    (tmp_path / "tri_format.py").write_text(reader)
+def test_a_format_is_one_file_as_the_guide_for_contributors_says(tmp_path, monkeypatch):
+    """The reader of OFF that is shown there, under another name, here as a package from outside has it."""
+    (text,) = re.findall(
+        "```python\n(.*?)```", (ROOT / "CONTRIBUTING.md").read_text().partition("## A falloff")[0], re.DOTALL
+    )
+    assert len(text.split("\n")) <= 28
+    file = tmp_path / "simple_off.py"
+    file.write_text(text.replace("obscurance.scenes.formats.off", "simple_off").replace('".off"', '".soff"'))
     monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "m.tri").write_text("0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 1\n0 1 1\n")
+    content = b"OFF\n4 2 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 1 2\n4 0 1 3 2\n"
+    (tmp_path / "m.soff").write_bytes(content)
+    (tmp_path / "m.off").write_bytes(content)
     with pytest.raises(MeshError, match="ending: expected that of"):
-        scenes.load(tmp_path / "m.tri")
+        scenes.load(tmp_path / "m.soff")
     try:
-        exec(row.replace("obscurance.scenes.formats.tri", "tri_format"))
-        mesh = scenes.load(tmp_path / "m.tri").mesh
-        assert ".tri" in endings("read")
+        table.register(*table.rows_of(file))
+        one, other = (scenes.load(tmp_path / name) for name in ("m.soff", "m.off"))
+        assert ".soff" in endings("read")
     finally:
-        table._REGISTERED.pop(".tri", None)
-    assert np.array_equal(mesh.faces, [[0, 1, 2], [3, 4, 5]])
-    assert mesh.vertices[5].tolist() == [0, 1, 1]
+        table._FOREIGN.pop(".soff", None)
+    for name in ("corners", "sizes"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    np.testing.assert_array_equal(one.mesh.vertices, other.mesh.vertices)
+    np.testing.assert_array_equal(one.mesh.faces, other.mesh.faces)
+
+
+def test_formats_are_found_without_being_imported():
+    code = "import sys; from obscurance.scenes.formats import table; assert len(table.formats()) > 15; "
+    code += "print([name for name in sys.modules if 'scenes.formats.' in name])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "['obscurance.scenes.formats.table']"
 
 
 def test_a_vrm_is_a_glb(tmp_path):
     builder = Builder()
-    builder.mesh(builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]]))
+    builder.mesh(builder.primitive(QUAD, HALVES))
     content = builder.glb([{"mesh": 0}])
     for name in ("m.glb", "m.vrm"):
         (tmp_path / name).write_bytes(content)
     one, other = (scenes.load(tmp_path / name) for name in ("m.glb", "m.vrm"))
     np.testing.assert_array_equal(one.mesh.vertices, other.mesh.vertices)
     for target in ("w.glb", "w.ply", "w.html"):
-        done = obscurance("bake", tmp_path / "m.vrm", "-o", tmp_path / target, "--samples", 8, "--max-distance", "5 cm")
-        assert done.returncode == 0, done.stderr
-    assert (
-        obscurance("render", tmp_path / "m.vrm", "-o", tmp_path / "p.png", "--width", 8, "--height", 8).returncode == 0
-    )
-    assert obscurance("info", tmp_path / "m.vrm").returncode == 0
+        succeeded("bake", tmp_path / "m.vrm", "-o", tmp_path / target, "--samples", 8, "--max-distance", "5 cm")
+    succeeded("render", tmp_path / "m.vrm", "-o", tmp_path / "p.png", "--width", 8, "--height", 8)
+    succeeded("info", tmp_path / "m.vrm")

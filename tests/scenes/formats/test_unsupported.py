@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from fuzz_seeds import MODEL, archive
-from gltf_files import QUAD, Builder, check_glb, values
+from gltf_files import HALVES, QUAD, Builder, check_glb, values
 from kept_contents import bake, columns
 from mesh_files import ascii_stl, read, stl
 
@@ -13,7 +13,7 @@ from obscurance.scenes.formats.unsupported import unsupported_features
 
 def test_a_ply_keeps_colours_and_texture_coordinates_of_a_gltf(tmp_path):
     builder = Builder()
-    primitive = builder.primitive(QUAD, [[0, 1, 2], [0, 2, 3]])
+    primitive = builder.primitive(QUAD, HALVES)
     primitive["attributes"]["TEXCOORD_0"] = builder.accessor(QUAD[:, :2].copy(), "VEC2")
     primitive["attributes"]["COLOR_0"] = builder.accessor((QUAD * 0.5).astype("<f4"), "VEC3")
     builder.mesh(primitive)
@@ -29,7 +29,7 @@ def test_a_ply_keeps_colours_and_texture_coordinates_of_a_gltf(tmp_path):
 
 
 def test_nothing_is_reported_where_nothing_is_lost(tmp_path):
-    (tmp_path / "m.stl").write_bytes(stl(QUAD[[[0, 1, 2], [0, 2, 3]]]))
+    (tmp_path / "m.stl").write_bytes(stl(QUAD[HALVES]))
     for target in ("w.npy", "w.npz", "w.ply", "w.glb"):
         assert bake(tmp_path, "m.stl", target) == ""
 
@@ -46,7 +46,7 @@ def test_colours_of_an_off_file_are_reported(tmp_path):
 
 @pytest.mark.parametrize("objects", [1, 2])
 def test_objects_of_an_stl_file_are_reported(tmp_path, objects):
-    solids = [(name, QUAD[[[0, 1, 2], [0, 2, 3]]]) for name in "ab"[:objects]]
+    solids = [(name, QUAD[HALVES]) for name in "ab"[:objects]]
     found = unsupported_features(tmp_path / "w.ply", read(tmp_path, "m.stl", ascii_stl(*solids)))
     assert ("its division into objects" in " ".join(found)) == (objects > 1)
 

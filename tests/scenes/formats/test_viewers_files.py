@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from mesh_files import POLYGONS, XYZ, rich_ply
 
 from obscurance import scenes
@@ -38,8 +38,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def bake(*arguments):
-    done = obscurance("bake", *arguments, "--samples", 64, "--seed", 1)
-    assert done.returncode == 0, done.stderr
+    done = succeeded("bake", *arguments, "--samples", 64, "--seed", 1)
     return done.stderr
 
 

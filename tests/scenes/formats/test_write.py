@@ -1,7 +1,5 @@
 """Output files, read back by readers that are not ours."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 import trimesh
@@ -10,6 +8,7 @@ from mesh_files import mesh_file, random_bake
 
 from obscurance.raytrace.errors import OptionError, OutputError
 from obscurance.raytrace.image.colour import encode_srgb
+from obscurance.scenes.asset.primitive import StoredBake
 from obscurance.scenes.formats.gltf.write import ramp_png
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.write import check_target, write
@@ -60,7 +59,7 @@ def test_ply(tmp_path, normals, shift):
 
 
 def test_half_open_is_half_the_light_to_readers_of_either_format(tmp_path):
-    half = SimpleNamespace(w=np.full(4, 0.5), profile=None, at="vertices", below=None)
+    half = StoredBake(np.full(4, 0.5))
     for ending in ("ply", "glb"):
         write(tmp_path / f"m.{ending}", half, mesh_file(), colors="rgb")
     colours = trimesh.load_mesh(tmp_path / "m.ply", process=False).visual.vertex_colors
@@ -74,9 +73,8 @@ def test_the_grey_of_a_bake_is_taken_for_w_and_not_for_a_colour(tmp_path):
     write(tmp_path / "m.ply", random_bake(4), mesh_file())
     assert load(tmp_path / "m.ply", target="again.ply").colours(srgb=True) is None
     content = bytearray((tmp_path / "m.ply").read_bytes())
-    rows = np.frombuffer(
-        content, np.dtype([("p", "<f4", 3), ("w", "<f4"), ("grey", "u1", 3)]), 4, content.index(b"end_header\n") + 11
-    )
+    row = np.dtype([("p", "<f4", 3), ("w", "<f4"), ("grey", "u1", 3), ("e", "<f4"), ("f", "u1"), ("b", "<f4", 3)])
+    rows = np.frombuffer(content, row, 4, content.index(b"end_header\n") + 11)
     np.testing.assert_array_equal(rows["grey"], np.rint(255 * encode_srgb(rows["w"]))[:, None].repeat(3, axis=1))
     rows["grey"] += 1
     (tmp_path / "m.ply").write_bytes(content)
@@ -89,7 +87,8 @@ def test_glb_of_a_plain_mesh(tmp_path):
     write(tmp_path / "m.glb", result, source)
     header, binary = check_glb((tmp_path / "m.glb").read_bytes())
     (primitive,) = header["meshes"][0]["primitives"]
-    assert set(primitive["attributes"]) == {"POSITION", "NORMAL", "TEXCOORD_0", "_OBSCURANCE"}
+    baked = {f"_OBSCURANCE{name}" for name in ("", "_ERROR", "_FLAGS", "_BENT_NORMALS")}
+    assert set(primitive["attributes"]) == {"POSITION", "NORMAL", "TEXCOORD_0", *baked}
     accessor = header["accessors"][primitive["attributes"]["_OBSCURANCE"]]
     assert (accessor["componentType"], accessor["type"], accessor["count"]) == (5126, "SCALAR", 4)
     stored = values(header, binary, primitive["attributes"]["_OBSCURANCE"])

@@ -12,20 +12,20 @@ from obscurance.scenes.show.page.document import html_of_bakes
 from obscurance.scenes.show.page.encode import Values
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def tab():
     with chromium.browser() as opened:
         yield opened
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def bakes():
     vertices, faces = crumpled(hills(24), 0.2, 3)
     mesh = Mesh(vertices @ [[1, 0, 0], [0, 0, -1], [0, 1, 0]], faces)
     return mesh, ao.bake(mesh, samples=64), ao.bake(mesh, ao.Binary(), samples=16)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def pages(bakes, tmp_path_factory):
     folder = tmp_path_factory.mktemp("pages")
     mesh, first, second = bakes

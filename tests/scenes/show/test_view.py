@@ -41,7 +41,7 @@ def test_every_baked_file_becomes_a_page_beside_it(folder, tmp_path, name):
     assert f"{tmp_path / 'w.html'}: {len(w)} vertices" in done.stdout
     page = (tmp_path / "w.html").read_bytes()
     assert abs(columns_of(page)["w0"] / 65535 - w).max() <= 1 / 65535
-    assert ("error0" in columns_of(page)) == (name == "w.npz")
+    assert ("error0" in columns_of(page)) == (name != "w.npy")
     assert facts_of(page)["title"] == name
 
 

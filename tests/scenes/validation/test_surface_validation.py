@@ -13,7 +13,7 @@ from obscurance.raytrace import Mesh
 from obscurance.scenes.validation import table as validation
 
 SIZE = 0.02
-SAMPLES = 4096
+SAMPLES = 2048
 OTHERS = "tilted normal", "inverted pyramid", "disk behind"  # two with normals of no face, one that the method refuses
 LINES = [line for line in validation.configurations() if not line.name.startswith(OTHERS)]
 COSTLY = "inside a cylinder"  # as the sphere, at ten times the cost: by one falloff
@@ -53,7 +53,11 @@ def excess(line, baked):
 
 @pytest.mark.parametrize(
     "line",
-    [line for line in LINES if line.name != COSTLY or isinstance(line.falloff, ao.Binary)],
+    [
+        pytest.param(line, marks=[pytest.mark.slow] * (number % 2))
+        for number, line in enumerate(LINES)
+        if line.name != COSTLY or isinstance(line.falloff, ao.Binary)
+    ],
     ids=lambda line: f"{line.name}, {validation.described(line.falloff)}",
 )
 def test_the_surface_method_matches_the_closed_form(line):

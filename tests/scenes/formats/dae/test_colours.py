@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from command import obscurance
+from command import obscurance, succeeded
 from fuzz_seeds import DAE, MODEL, archive
 from kept_contents import bake, columns
 from PIL import Image
@@ -77,10 +77,10 @@ def test_collada_has_materials_textures_and_coordinates(dae):
 
 def test_a_picture_and_a_glb_of_collada_have_the_colours(dae, tmp_path):
     options = "--width", 48, "--height", 48, "--samples", 4, "--obscurance", "off"
-    assert obscurance("render", dae, "-o", tmp_path / "p.exr", *options).returncode == 0
+    succeeded("render", dae, "-o", tmp_path / "p.exr", *options)
     beauty = read_image(tmp_path / "p.exr")[0]["beauty"].reshape(-1, 4)
     assert (beauty[:, 1] > 2 * beauty[:, 0]).any()
-    assert obscurance("bake", dae, "-o", tmp_path / "m.glb", "--samples", 16).returncode == 0
+    succeeded("bake", dae, "-o", tmp_path / "m.glb", "--samples", 16)
     made = load(tmp_path / "m.glb").raw.header["materials"]
     assert {material.get("name") for material in made} >= {"red", "skin"}
     assert base_colour(load(dae, "page.html")).images

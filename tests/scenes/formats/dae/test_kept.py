@@ -1,7 +1,7 @@
 """What is kept of COLLADA, 3MF and STL besides triangles, and what outputs say that they cannot hold."""
 
 import numpy as np
-from command import obscurance
+from command import succeeded
 from fuzz_seeds import DAE, FACES, MODEL, VERTICES, archive
 from mesh_files import stl
 
@@ -37,7 +37,7 @@ def test_normals_of_collada_stand_at_their_corners_in_every_place(tmp_path):
         if not mirrored:  # by the inverse transpose, (0, -3/4, 4/2)
             placed[2] = np.array([0, -0.75, 2]) / np.hypot(0.75, 2)
         np.testing.assert_allclose(normals[4:], placed, atol=1e-12)
-    assert obscurance("bake", tmp_path / "m.dae", "-o", tmp_path / "w.obj", "--samples", 4).returncode == 0
+    succeeded("bake", tmp_path / "m.dae", "-o", tmp_path / "w.obj", "--samples", 4)
     again = load(tmp_path / "w.obj").mesh.corner_normals
     np.testing.assert_array_equal(again.values[again.of], values[of])
 
@@ -55,8 +55,7 @@ def test_what_outputs_cannot_hold_is_told(tmp_path):
         ("m.stl", bytes(packed), "attributes of triangles, as colours are stored"),
     ):
         (tmp_path / name).write_bytes(content)
-        done = obscurance("bake", tmp_path / name, "-o", tmp_path / "w.ply", "--samples", 4)
-        assert done.returncode == 0
+        done = succeeded("bake", tmp_path / name, "-o", tmp_path / "w.ply", "--samples", 4)
         assert f"not kept from {tmp_path / name}: " in done.stderr
         assert words in done.stderr
     assert load(tmp_path / "m.stl").unread

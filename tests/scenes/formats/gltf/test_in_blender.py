@@ -5,7 +5,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from command import obscurance
+from command import succeeded
 from mesh_files import obj
 from project import ROOT
 
@@ -29,8 +29,7 @@ def test_blender_has_w_and_its_pictures_darken_by_colours(tmp_path):
     vertices, faces = floor_and_wall()
     (tmp_path / "corner.obj").write_bytes(obj(vertices, faces))
     for name, options in OUTPUTS.items():
-        done = obscurance("bake", tmp_path / "corner.obj", "-o", tmp_path / name, "--samples", 256, *options)
-        assert done.returncode == 0, done.stderr
+        done = succeeded("bake", tmp_path / "corner.obj", "-o", tmp_path / name, "--samples", 256, *options)
     names = [str(tmp_path / name) for name in OUTPUTS if name != "w.npy"]
     script = ROOT / "tests" / "helpers" / "gltf" / "in_blender.py"
     done = subprocess.run([BLENDER, script, *names], capture_output=True, text=True, check=True)

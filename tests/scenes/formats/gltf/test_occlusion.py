@@ -11,7 +11,6 @@ from obscurance.scenes.formats.gltf.occlusion import (
     OcclusionTextures,
     add_coordinates,
     free_set,
-    occlusion_reference,
 )
 from obscurance.scenes.formats.gltf.write import ramp_coordinates, ramp_png
 
@@ -117,29 +116,3 @@ def test_primitives_without_material_share_a_new_default_one():
         {"occlusionTexture": {"index": 0}},
         {"occlusionTexture": {"index": 0, "texCoord": 1}},
     ]
-
-
-def test_variants_of_a_primitive_get_it_too():
-    mappings = [{"material": 1, "variants": [0]}, {"material": 2, "variants": [1]}]
-    piece = primitive(0, material=0, extensions={"KHR_materials_variants": {"mappings": mappings}})
-    header = give_ramps(document([piece], [{}, {}, {}]))
-    assert all(made["occlusionTexture"] == {"index": 0, "texCoord": 1} for made in header["materials"])
-
-
-@pytest.mark.parametrize("replace", [False, True])
-def test_textures_of_the_file_are_kept_unless_they_are_to_be_replaced(replace):
-    own = {"index": 0, "strength": 0.5, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}
-    fields = {"textures": [{"source": 0}], "images": [{"uri": "own.png"}]}
-    piece = primitive(0, material=0)
-    header = give_ramps(document([piece], [{"occlusionTexture": own}], **fields), replace=replace)
-    assert occlusion_reference(header, 0) == ({"index": 1, "texCoord": 1} if replace else own)
-    assert ("TEXCOORD_1" in piece["attributes"]) == replace
-
-
-def test_a_second_ramp_takes_the_place_of_the_first():
-    piece = primitive(0, material=0)
-    packed = document([piece], [{}])
-    give_ramps(packed)
-    header = give_ramps(packed)
-    assert set(piece["attributes"]) == {"POSITION", "TEXCOORD_0", "TEXCOORD_1"}
-    assert header["materials"] == [{"occlusionTexture": {"index": 1, "texCoord": 1}}]

@@ -10,7 +10,7 @@ from gltf_files import Builder
 from gltf_samples import quad, with_images
 
 from obscurance.raytrace import MeshError
-from obscurance.raytrace.image.texture import Texture, texture_codes
+from obscurance.raytrace.image.texture import texture_codes
 from obscurance.scenes.formats.gltf.asset import decode
 from obscurance.scenes.formats.gltf.orm import with_occlusion
 from obscurance.scenes.formats.gltf.textured import textured_glb
@@ -207,8 +207,3 @@ def test_so_does_an_image_that_cannot_be_read(tmp_path):
 def test_a_malformed_reference_is_refused(tmp_path):
     with pytest.raises(MeshError, match=r"metallicRoughnessTexture\.index: expected a whole number"):
         source(tmp_path, png(np.zeros((8, 8, 3), np.uint8)), rough({"index": "x"}))
-
-
-def test_codes_are_not_decoded(tmp_path):
-    image = RNG.integers(0, 256, (5, 3, 2), np.uint8)
-    assert np.array_equal(texture_codes(Texture(tmp_path / "a.png", png(image))), image)

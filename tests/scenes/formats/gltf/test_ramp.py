@@ -1,16 +1,16 @@
 """w as a ramp in the occlusion textures of a .glb, read back by a reader of the tests' own."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from gltf_files import QUAD, Builder, check_glb, values
+from gltf_files import HALVES, QUAD, Builder, check_glb, values
 from gltf_samples import SAMPLES, UV, occluded, quad, transformed, variants
 from mesh_files import ply
 
 from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.scenes.asset.primitive import StoredBake
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.unsupported import unsupported_features
 from obscurance.scenes.formats.write import channels, write
@@ -21,7 +21,7 @@ SEAMS += "usemtl a\nf 1/1 2/2 3/3 4/4\nusemtl b\nf 2/1 5/2 3/3\n"
 
 
 def bake(count):
-    return SimpleNamespace(w=np.random.default_rng(count).random(count), profile=None, at="vertices", below=None)
+    return StoredBake(np.random.default_rng(count).random(count))
 
 
 def written(folder, data, name="in.glb", **options):
@@ -109,15 +109,6 @@ def test_a_second_bake_replaces_the_ramp(tmp_path, name):
     )
 
 
-def test_between_vertices_it_is_interpolated_linearly(tmp_path):
-    _, w, header, binary = written(tmp_path, SAMPLES["plain"]())
-    (primitive,) = drawn(header)
-    uv = values(header, binary, primitive["attributes"]["TEXCOORD_0"])[:3].astype(float)
-    weights = np.random.default_rng(1).dirichlet([1, 1, 1], 1000)
-    codes = pixels(tmp_path, header, binary, 0)
-    np.testing.assert_allclose(bilinear(codes, weights @ uv), weights @ w[:3], rtol=0, atol=1e-6)
-
-
 def test_meshes_of_other_formats_have_it_for_every_material(tmp_path):
     (tmp_path / "m.mtl").write_text("newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 1 0\n")
     _, w, header, binary = written(tmp_path, b"mtllib m.mtl\n" + SEAMS.encode(), "m.obj")
@@ -125,7 +116,7 @@ def test_meshes_of_other_formats_have_it_for_every_material(tmp_path):
     np.testing.assert_allclose(found, w[[0, 1, 2, 3, 1, 2, 4]], rtol=0, atol=1e-6)
     assert [each["occlusionTexture"]["texCoord"] for each in header["materials"][1:]] == [1, 1]
     assert len(header["images"]) == 1
-    _, w, header, binary = written(tmp_path, ply(QUAD, [[0, 1, 2], [0, 2, 3]]), "m.ply")
+    _, w, header, binary = written(tmp_path, ply(QUAD, HALVES), "m.ply")
     np.testing.assert_allclose(next(read_back(tmp_path, header, binary)), w, rtol=0, atol=1e-6)
     assert header["materials"][0]["occlusionTexture"] == {"index": 0}
 

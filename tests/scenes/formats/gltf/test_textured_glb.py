@@ -1,11 +1,10 @@
 """Baked textures in .glb files: by the file's own coordinates, or by new ones for which vertices are split."""
 
-import json
 import struct
 
 import numpy as np
 import pytest
-from gltf_files import QUAD, Builder
+from gltf_files import HALVES, QUAD, Builder
 
 from obscurance import ao
 from obscurance.scenes.formats.gltf.accessors import normalized, values
@@ -15,12 +14,11 @@ from obscurance.scenes.formats.gltf.textured import textured_glb
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.stored_w import read_w
 
-FACES = [[0, 1, 2], [0, 2, 3]]
 UV = np.array([[0.1, 0.9], [0.9, 0.9], [0.9, 0.1], [0.1, 0.1]], "<f4")
 
 
 def quad(builder, vertices=QUAD, **fields):
-    piece = builder.primitive(vertices, FACES, **fields)
+    piece = builder.primitive(vertices, HALVES, **fields)
     piece["attributes"]["TEXCOORD_0"] = builder.accessor(UV, "VEC2")
     return piece
 
@@ -49,12 +47,6 @@ def test_coordinates_of_a_file_are_read_upwards(tmp_path):
     file = source(tmp_path, builder.glb([{"mesh": 0}]))
     assert np.allclose(file.uv[0], [[0.1, 0.1], [0.9, 0.1], [0.9, 0.9]])
     assert file.texture_coordinates(1) is None
-
-
-def test_coordinates_of_an_obj_by_corner(tmp_path):
-    text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt .5 .5\nf 1/1 2/2 3/3\nf 1/4 3/3 4/1\n"
-    file = source(tmp_path, text, "in.obj")
-    assert file.uv.tolist() == [[[0, 0], [1, 0], [1, 1]], [[0.5, 0.5], [1, 1], [0, 0]]]
 
 
 def test_by_the_own_coordinates_of_a_file(tmp_path):
@@ -178,12 +170,3 @@ def test_parts_without_coordinates_get_a_ramp_beside_the_texture_of_others(tmp_p
     assert images[1 - missing] == "obscurance occlusion"
     part = again.parts[missing].vertices
     assert np.abs(read_w(tmp_path / "out.glb", len(w))[part] - w[part]).max() < 1e-5
-
-
-def test_headers_stay_json(tmp_path):
-    builder = Builder()
-    builder.mesh(quad(builder))
-    file = source(tmp_path, builder.glb([{"mesh": 0}]))
-    uv = split_uv(file.mesh)
-    asset, _ = written(tmp_path, textured_glb(file, [ao.bake_texture(file.mesh, uv, 64, samples=8)])[0])
-    json.dumps(asset.header)

@@ -1,7 +1,5 @@
 """Outputs before the judgement of others: glTF's validator, and three.js in a browser (`make viewers`)."""
 
-from types import SimpleNamespace
-
 import gltf_samples
 import numpy as np
 import pytest
@@ -12,7 +10,8 @@ from gltf_samples import SAMPLES, quad, with_images
 from benchmarks.pictures import browser
 from obscurance.raytrace import AmbientLight, Camera, Scene, Settings, render
 from obscurance.scenes.asset.asset import Asset
-from obscurance.scenes.description.gltf_scene import gltf_objects
+from obscurance.scenes.asset.primitive import StoredBake
+from obscurance.scenes.description.mesh_scene import placed, read_source
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.write import write
 from obscurance.scenes.geometry.builtin_shapes import SOLIDS
@@ -24,7 +23,7 @@ SIZE = 160, 120
 
 
 def bake(count):
-    return SimpleNamespace(w=np.random.default_rng(count).random(count), profile=None, at="vertices", below=None)
+    return StoredBake(np.random.default_rng(count).random(count))
 
 
 def outputs(folder, source, name):
@@ -68,7 +67,7 @@ def corner(folder):
     builder.mesh(builder.primitive(CORNER, [[0, 1, 2], [0, 2, 3], [0, 5, 4], [0, 4, 1]], material=0))
     matt = {"pbrMetallicRoughness": {"metallicFactor": 0}}
     (folder / "in.glb").write_bytes(builder.glb([{"mesh": 0}], materials=[matt]))
-    result = SimpleNamespace(w=np.array([0.1, 0.5, 0.9, 0.6, 1, 0]), profile=None, at="vertices", below=None)
+    result = StoredBake(np.array([0.1, 0.5, 0.9, 0.6, 1, 0]))
     write(folder / "ramp.glb", result, load(folder / "in.glb", folder / "ramp.glb"))
     return folder / "ramp.glb"
 
@@ -95,7 +94,7 @@ def moved_texture(folder):
 def test_a_browser_shows_the_obscurance_that_our_renderer_does(tmp_path, made):
     """White under ambient light alone is w. Pixels at edges are left out: two filters and rasterisers differ there."""
     file = made(tmp_path)
-    objects, *_ = gltf_objects(file)
+    objects = [item for item, _ in placed(read_source(file))]
     frame = render(Scene(objects, (AmbientLight(intensity=(1, 1, 1)),)), CAMERA, Settings(*SIZE, samples=16))
     ours = frame.layers["beauty"][..., 0]
     (theirs,) = browser.shown([file], CAMERA, SIZE)

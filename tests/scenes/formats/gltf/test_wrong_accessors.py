@@ -1,10 +1,12 @@
 """Accessors of a glTF that are wrong: one line, before rays are traced, wherever a command reads attributes again."""
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pytest
 from fuzz_seeds import EXTRAS, NODES, builder
+from gltf_files import change
 
 from obscurance.raytrace.errors import ObscuranceError
 from obscurance.scenes.commands.prune import prune
@@ -24,21 +26,16 @@ FIELDS = {
 PRIMITIVES = [(mesh, number) for mesh, primitives in enumerate((2, 2, 1)) for number in range(primitives)]
 
 
-def wrong_files():
-    """Each field of each accessor with each value; each attribute of each primitive as another accessor."""
-    accessors = len(builder().header["accessors"])
-    for number in range(accessors):
+def mistakes():
+    """Places in a header, and values: each field of each accessor, and each attribute of each primitive as another."""
+    accessors = range(len(builder().header["accessors"]))
+    for number in accessors:
         for field, values in FIELDS.items():
-            for value in values:
-                made = builder()
-                made.header["accessors"][number][field] = value
-                yield f"accessors[{number}].{field} = {value}", made
+            yield from ((f"accessors/{number}/{field}", value) for value in values)
     for mesh, number in PRIMITIVES:
         for name in ("TEXCOORD_0", "TEXCOORD_1", "COLOR_0", "TANGENT", "_ANY", "WEIGHTS_0"):
-            for accessor in (*range(accessors), 99, -1):
-                made = builder()
-                made.header["meshes"][mesh]["primitives"][number]["attributes"][name] = accessor
-                yield f"meshes[{mesh}].primitives[{number}].{name} = {accessor}", made
+            place = f"meshes/{mesh}/primitives/{number}/attributes/{name}"
+            yield from ((place, accessor) for accessor in (*accessors, 99, -1))
 
 
 @pytest.mark.parametrize("share", range(3))
@@ -46,7 +43,9 @@ def test_a_wrong_accessor_ends_in_one_line(tmp_path, monkeypatch, share):
     monkeypatch.setattr("obscurance.ao.unseen.unseen_faces", hidden)
     failed = []
     refused = 0
-    for what, made in list(wrong_files())[share::12]:
+    for place, value in islice(mistakes(), share, None, 12):
+        made = builder()
+        change(made.header, {place: value})
         path = tmp_path / "m.glb"
         path.write_bytes(made.glb(NODES, **EXTRAS))
         for output in ("out.glb", "page.glb", "out.ply"):
@@ -58,7 +57,7 @@ def test_a_wrong_accessor_ends_in_one_line(tmp_path, monkeypatch, share):
             except ObscuranceError:  # whose message is one line
                 refused += 1
             except Exception as error:
-                failed.append(f"{what}, {output}: {error!r}")
+                failed.append(f"{place} = {value}, {output}: {error!r}")
     assert not failed, "\n".join(failed)
     assert refused > 20
 

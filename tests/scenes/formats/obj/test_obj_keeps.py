@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from command import obscurance
+from command import obscurance, succeeded
 from fuzz_seeds import FACES, VERTICES, ascii_stl
 
 from obscurance.scenes import load
@@ -37,8 +37,7 @@ f 1//2 4/3/3 5//
 def kept(tmp_path):
     (tmp_path / "m.obj").write_text(OBJ)
     (tmp_path / "paint.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0 1\n")
-    done = obscurance("bake", tmp_path / "m.obj", "-o", tmp_path / "w.obj", "--samples", 4)
-    assert done.returncode == 0
+    done = succeeded("bake", tmp_path / "m.obj", "-o", tmp_path / "w.obj", "--samples", 4)
     return load(tmp_path / "m.obj", "k.ply"), load(tmp_path / "w.obj", "k.ply"), done.stderr
 
 
@@ -72,8 +71,7 @@ def test_corners_keep_their_coordinates_and_normals_or_have_none(kept):
 
 
 def test_flipped_faces_keep_the_names_of_their_own(tmp_path, kept):
-    done = obscurance("bake", tmp_path / "m.obj", "-o", tmp_path / "f.obj", "--samples", 4, "--flip")
-    assert done.returncode == 0
+    succeeded("bake", tmp_path / "m.obj", "-o", tmp_path / "f.obj", "--samples", 4, "--flip")
     before, after = load(tmp_path / "m.obj"), load(tmp_path / "f.obj")
     assert after.objects == ("table", "chair")
     assert after.corners[:4].tolist() == before.corners[3::-1].tolist()

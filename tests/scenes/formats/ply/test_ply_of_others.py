@@ -4,7 +4,7 @@ import struct
 
 import numpy as np
 import pytest
-from command import obscurance
+from command import obscurance, succeeded
 
 from obscurance.scenes.formats.load import load
 
@@ -57,7 +57,7 @@ def test_lines_of_a_header_may_end_in_any_way(tmp_path, standard_input, end, tex
     np.testing.assert_array_equal(mesh.vertices, VERTICES if text else VERTICES[[4, *range(4)]])
     np.testing.assert_array_equal(mesh.vertices[mesh.faces[0]], VERTICES[:3])
     standard_input((tmp_path / "m.ply").read_bytes())
-    assert obscurance("info", "-").returncode == 0
+    succeeded("info", "-")
 
 
 @pytest.mark.parametrize(
@@ -80,9 +80,9 @@ def test_strips_of_triangles_are_faces(tmp_path, text, lists, faces):
     (tmp_path / "m.ply").write_bytes(header.encode() + (rows.encode() if text else binary))
     assert load(tmp_path / "m.ply").mesh.faces.tolist() == faces
     bake = "bake", tmp_path / "m.ply", "-o", tmp_path / "w.ply", "--samples", 1
-    assert obscurance(*bake).returncode == 0
+    succeeded(*bake)
     assert load(tmp_path / "w.ply").mesh.faces.tolist() == faces
-    assert obscurance(*bake, "--at", "faces").returncode == 0
+    succeeded(*bake, "--at", "faces")
     kept = load(tmp_path / "w.ply", "k.ply")
     (face,) = (element for element in kept.raw.elements if element.name == "face")
     assert "obscurance" in [column.name for column in face.properties]
@@ -108,8 +108,7 @@ def test_meshlab_gets_triangles_where_it_opens_no_polygons(tmp_path, make, at):
     path = make(tmp_path)
     before = load(path, "k.ply")
     line = "bake", path, "-o", tmp_path / "w.ply", "--samples", 1, *(["--at", "faces"] if at == "faces" else [])
-    done = obscurance(*line, "--preset", "meshlab")
-    assert done.returncode == 0
+    done = succeeded(*line, "--preset", "meshlab")
     assert "polygons, which become triangles" in done.stderr
     after = load(tmp_path / "w.ply", "k.ply")
     assert after.sizes.tolist() == [3] * 5

@@ -8,6 +8,8 @@ from mesh_files import XYZ, ascii_ply, rich_ply
 from obscurance.raytrace.image.colour import decode_srgb, encode_srgb
 from obscurance.scenes.formats.load import load
 
+LEFT = [f"obscurance_{name}" for name in ("error", "flags", "bent_normals_x", "bent_normals_y", "bent_normals_z")]
+
 
 def test_a_ply_keeps_everything(tmp_path):
     (tmp_path / "rich.ply").write_bytes(rich_ply())
@@ -15,7 +17,7 @@ def test_a_ply_keeps_everything(tmp_path):
     before, _ = columns(tmp_path / "rich.ply")
     after, detail = columns(tmp_path / "out.ply")
     assert list(after) == ["vertex", "face", "edge"]
-    assert list(after["vertex"]) == [*before["vertex"], "obscurance"]
+    assert list(after["vertex"]) == [*before["vertex"], "obscurance", *LEFT]
     for element, properties in before.items():
         for name, column in properties.items():
             again = after[element][name]
@@ -47,7 +49,7 @@ def test_a_second_bake_of_what_was_baked_replaces_its_w_and_grey(tmp_path):
     assert bake(tmp_path, "plain.ply", "one.ply") == ""
     assert bake(tmp_path, "one.ply", "two.ply", "--seed", 5, "--max-distance", 0.1) == ""
     vertex = columns(tmp_path / "two.ply")[0]["vertex"]
-    assert list(vertex) == ["x", "y", "z", "obscurance", "red", "green", "blue"]
+    assert list(vertex) == ["x", "y", "z", "obscurance", "red", "green", "blue", *LEFT]
     np.testing.assert_array_equal(vertex["red"].values, np.rint(255 * encode_srgb(vertex["obscurance"].values)))
     assert (tmp_path / "two.ply").read_bytes().count(b"comment obscurance") == 1
 
@@ -99,7 +101,8 @@ def test_a_glb_keeps_of_a_ply_what_it_can_and_names_the_rest(tmp_path):
     header, binary = check_glb((tmp_path / "out.glb").read_bytes())
     (primitive,) = header["meshes"][0]["primitives"]
     found = {name: values(header, binary, number) for name, number in primitive["attributes"].items()}
-    assert set(found) == {"POSITION", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0", "_QUALITY", "_OBSCURANCE", "NORMAL"}
+    baked = {f"_OBSCURANCE{name}" for name in ("", "_ERROR", "_FLAGS", "_BENT_NORMALS")}
+    assert set(found) == {"POSITION", "TEXCOORD_0", "TEXCOORD_1", "COLOR_0", "_QUALITY", "NORMAL", *baked}
     repeated = len(found["NORMAL"]) - 6
     assert repeated > 0
     found = {name: rows[:6] for name, rows in found.items()}

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from command import obscurance, refused
+from command import obscurance, refused, succeeded
 from pages import columns_of, facts_of
 
 import obscurance as package
@@ -38,8 +38,7 @@ def write(path, heights, across=1.0, along=1.0, crs="EPSG:32632", west=5e5, **mo
 def sky(path, *options):
     """w of the cells, and its standard errors."""
     target = path.with_name("sky.tif")
-    done = obscurance("bake", path, "-o", target, "--falloff", "binary", "--tolerance", 0.004, "-q", *options)
-    assert done.returncode == 0, done.stderr
+    succeeded("bake", path, "-o", target, "--falloff", "binary", "--tolerance", 0.004, "-q", *options)
     with rasterio.open(target) as file:
         assert file.descriptions == ("obscurance", "standard error")
         return file.read(1), file.read(2)
@@ -211,7 +210,7 @@ def test_of_several_bands_one_is_asked_for_and_alpha_is_none(tmp_path):
     with rasterio.open(tmp_path / "two.tif", "r+") as file:
         file.colorinterp = ColorInterp.gray, ColorInterp.alpha
         file.write(np.where(heights == 8, 0, 255).astype("uint16"), 2)
-    assert obscurance("bake", tmp_path / "two.tif", *line).returncode == 0
+    succeeded("bake", tmp_path / "two.tif", *line)
     with rasterio.open(tmp_path / "sky.tif") as file:
         np.testing.assert_array_equal(file.read(1) == NOWHERE, heights == 8)
 
@@ -254,9 +253,7 @@ def test_occluders_lie_where_their_coordinates_are(tmp_path, system):
     for name, occluder in {"whole": None, "plain": None, "beside": "terrace.tif", "behind": "wall.obj"}.items():
         path = tmp_path / ("whole.tif" if name == "whole" else "plain.tif")
         line = ["--occluder", tmp_path / occluder] if occluder else []
-        assert (
-            obscurance("bake", path, "-o", tmp_path / "w.npy", "--falloff", "binary", *options, *line).returncode == 0
-        )
+        succeeded("bake", path, "-o", tmp_path / "w.npy", "--falloff", "binary", *options, *line)
         found[name] = np.load(tmp_path / "w.npy").reshape(31, -1)[15, :29]
     plain, terrace = (scenes.load(tmp_path / name) for name in ("plain.tif", "terrace.tif"))
     moved = replace(terrace.mesh, vertices=terrace.mesh.vertices + np.array([30 * unit, 0, 0]))  # beside the plain's
@@ -275,8 +272,7 @@ def test_a_raster_occludes_a_mesh_in_its_coordinates_and_one_elsewhere_is_told(t
     lines = [f"v {5e5 + x} {5e6 - y} 0" for x, y in ((4, 4), (4, 5), (5, 5), (5, 4))]
     (tmp_path / "floor.obj").write_text("\n".join([*lines, "f 1 2 3 4"]))
     line = "-o", tmp_path / "w.npy", "--falloff", "binary", "--samples", 1024, "--occluder", tmp_path / "roof.tif"
-    done = obscurance("bake", tmp_path / "floor.obj", *line)
-    assert done.returncode == 0
+    done = succeeded("bake", tmp_path / "floor.obj", *line)
     assert np.load(tmp_path / "w.npy").max() < 0.05  # terrain is solid: its sides reach down to the floor
     assert "away" not in done.stderr
     (tmp_path / "floor.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
@@ -331,8 +327,7 @@ def test_horizontal_cells_of_a_ramp_by_either_method(tmp_path, steep, options):
     """(1 + cos β)/2, and as much between the cells."""
     write(tmp_path / "ramp.tif", np.arange(40.0) * np.tan(np.radians(steep)) + np.zeros((30, 1)))
     given = "--normals", "up", "--up", "z", "--falloff", "binary", "--report", tmp_path / "r.json", *options
-    done = obscurance("bake", tmp_path / "ramp.tif", "-o", tmp_path / "w.npz", *given)
-    assert done.returncode == 0, done.stderr
+    done = succeeded("bake", tmp_path / "ramp.tif", "-o", tmp_path / "w.npz", *given)
     assert "warning" not in done.stderr
     np.testing.assert_allclose(np.load(tmp_path / "w.npz")["w"], (1 + np.cos(np.radians(steep))) / 2, atol=0.02)
     assert json.loads((tmp_path / "r.json").read_text())["interpolation"]["rmse"] < 0.01
@@ -342,7 +337,7 @@ def test_what_is_up_counts_for_horizontal_hemispheres(tmp_path):
     (tmp_path / "slope.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 1\nv 0 1 1\nf 1 2 3 4\n")
     for up, expected in {"z": (1 + 0.5**0.5) / 2, "x": 0.5}.items():
         options = "--normals", "up", "--up", up, "--falloff", "binary", "--samples", 4096
-        assert obscurance("bake", tmp_path / "slope.obj", "-o", tmp_path / "w.npy", *options).returncode == 0
+        succeeded("bake", tmp_path / "slope.obj", "-o", tmp_path / "w.npy", *options)
         np.testing.assert_allclose(np.load(tmp_path / "w.npy"), expected, atol=0.01)
 
 
@@ -367,8 +362,7 @@ def hilly(tmp_path, monkeypatch):
 
 
 def test_a_result_is_looked_at_on_its_terrain(hilly):
-    done = obscurance("view", "sky.tif", "--mesh", "dem.tif", "-o", "page.html")
-    assert done.returncode == 0, done.stderr
+    succeeded("view", "sky.tif", "--mesh", "dem.tif", "-o", "page.html")
     with rasterio.open("sky.tif") as file:
         w, error = (file.read(band)[hilly != NOWHERE] for band in (1, 2))
     assert {*stored_columns(Path("sky.tif"), ("error", "flags"))} == {"error"}  # each band is read once
@@ -387,15 +381,14 @@ def test_a_picture_takes_the_result_and_is_not_white(hilly):
         if name == "w.npy":
             with rasterio.open("sky.tif") as file:
                 np.save(name, file.read(1)[hilly != NOWHERE])
-        done = obscurance("render", source, "-o", f"{name}.exr", "--baked", name, *small)
-        assert done.returncode == 0, done.stderr
+        succeeded("render", source, "-o", f"{name}.exr", "--baked", name, *small)
     ours, arrays = (read_image(Path(f"{name}.exr"))[0]["beauty"] for name in ("sky.tif", "w.npy"))
     np.testing.assert_array_equal(ours, arrays)
     refused(
         obscurance("render", "dem.tif", "-o", "p.png", "--baked", "dem.tif"), "a band called obscurance", "got none"
     )
     write(Path("level.tif"), np.zeros((20, 20)))
-    assert obscurance("render", "level.tif", "-o", "level.exr", *small).returncode == 0
+    succeeded("render", "level.tif", "-o", "level.exr", *small)
     for name in ("level.exr", "sky.tif.exr"):
         picture = read_image(Path(name))[0]["beauty"]
         shown = picture[picture[..., 3] == 1][:, :3]

@@ -1,4 +1,4 @@
-"""The error that a bake tells is the true one, whatever its values stand for, on surfaces drawn by seed."""
+"""The error that a bake reports is the true one, whatever its values stand for, on surfaces drawn by seed."""
 
 import warnings
 from functools import partial
@@ -14,7 +14,7 @@ from obscurance.raytrace import Mesh
 pytestmark = pytest.mark.usefixtures("w_alone")
 
 WITHIN = 1.3
-CAREFUL = 1.5  # pages of a few hundred texels have few probes, and tell rather more than less
+CAREFUL = 1.5  # pages of a few hundred texels have few probes, and report rather more than less
 EXACT = {
     "leaves": families.leaves,
     "higher leaves": partial(families.leaves, height=1e-4),
@@ -43,10 +43,10 @@ def bake(of, *arguments, **options):
 
 
 def check(bakes, errors, tolerance):
-    """That true errors are within the tolerance, or it is told that they are not, and that told ones are true."""
-    told, true = np.sqrt([np.mean([baked.rmse**2 for baked in bakes]), max(np.mean(errors), 0)])
+    """That true errors are within the tolerance, or a shortfall says that they are not; reported ones are true."""
+    reported, true = np.sqrt([np.mean([baked.rmse**2 for baked in bakes]), max(np.mean(errors), 0)])
     assert true < 1.1 * tolerance or any("tolerance" in line for baked in bakes for line in baked.shortfalls)
-    assert 1 / WITHIN < told / true < CAREFUL
+    assert 1 / WITHIN < reported / true < CAREFUL
 
 
 def check_texels(family, size, seeds, tolerance):
@@ -62,7 +62,7 @@ def check_texels(family, size, seeds, tolerance):
 
 @pytest.mark.parametrize("name", EXACT)
 def test_of_texels(name):
-    check_texels(EXACT[name], 24 if "leaves" in name else 12, range(20, 23), 0.015)
+    check_texels(EXACT[name], {"fins": 12, "a chart over another": 12, "layers": 8}.get(name, 16), range(20, 23), 0.015)
 
 
 @pytest.mark.parametrize("name", TRACED)
@@ -80,7 +80,7 @@ def test_of_larger_pages(name):
 @pytest.mark.parametrize("name", EXACT)
 def test_of_texels_that_have_as_many_rays(name, options):
     bakes, errors = [], []
-    for seed in range(40, 43):
+    for seed in range(40, 42):
         mesh, uv, truth = EXACT[name](seed, 20)
         bakes.append(ao.bake_texture(mesh, uv, 20, "binary", close_seams=False, seed=seed, **options))
         errors.append(squared(bakes[-1], truth))

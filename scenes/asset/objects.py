@@ -17,7 +17,7 @@ from obscurance.raytrace.types import Bools, Float64s, Int64s
 if TYPE_CHECKING:
     from obscurance.ao.falloff import Falloff
 
-    from ..asset.asset import Asset
+    from .asset import Asset
 
 _LISTED = 8  # names in a message
 

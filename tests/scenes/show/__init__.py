@@ -1,0 +1,1 @@
+"""Reports, pages, and what a browser draws of them."""
