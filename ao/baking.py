@@ -14,8 +14,9 @@ from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Bools, Int64s
 
 from .declared import known_names, options_record
-from .estimate.estimate import edges_of, estimate_outside
+from .estimate.estimate import estimate_outside
 from .estimate.inside import inside_solids
+from .estimate.one_ring import Neighbours
 from .estimate.sites import FOLDED, ONE_PLACE, Sites
 from .execute.kept import Kept
 from .execute.tracer import Progress
@@ -234,7 +235,8 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     if inside.any():
         receivers.flags[np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)  # −1, for no point, is the last row
     filled = inside & (options.interior != "mark")
-    sites = Sites.alike(points, edges_of(points, point, receivers.faces, tracer.threads), ONE_PLACE)
+    edges = partial(Neighbours.of, receivers.faces, point, points.normals, tracer.threads)
+    sites = Sites.alike(points, edges, ONE_PLACE)
     corners = receivers.corners
     if len(corners):
         from .execute.sample_means import FoldedMeans
@@ -242,7 +244,9 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
         sites.kinds[corners.point_rows] = FOLDED
         share = _CORNER_SHARE if options.tolerance is None else _CORNER_SHARE_DENOISED
         tracer.means = FoldedMeans(corners, points.numbers[corners.point_rows], share)
-    return PointValues.of(*estimate_outside(tracer, sites, filled, options), tracer.rays, receivers.displaced)
+    estimates, hidden = estimate_outside(tracer, sites, filled, options)
+    del sites
+    return PointValues.of(estimates, hidden, tracer.rays, receivers.displaced)
 
 
 def _check_memory(count: int, meshes: list[Mesh], options: Options) -> None:

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.ray_origins.origins import ray_offset
 from obscurance.raytrace.ray_origins.surface import Surface
 from obscurance.raytrace.sampling import derive, hash32_array
-from obscurance.raytrace.types import Float32s, Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Bools, Float32s, Float64s, Int64s
 
 from .estimate.inside import inside_solids
 from .execute.tracer import Tracer
@@ -35,7 +35,7 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     placement = prepared.placement
     receivers = prepared.receivers
     vertices = placement.vertices.astype(np.float64)
-    normals, areas = receivers.face_normals(vertices)
+    areas = face_areas(vertices, receivers.faces)
     if prepared.requested is not None:
         areas = np.where(prepared.requested[receivers.faces].all(axis=1), areas, 0.0)
     if not areas.any() or not len(receivers.points):
@@ -45,8 +45,8 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     face, weights = _spread(areas, derive(prepared.key, 7))
     corners = receivers.faces[face]
     axes = VertexAxes.of(receivers, receivers.of_vertex[corners].ravel())
-    points, located = _on_faces(vertices[corners], normals[face], axes, weights)
-    del vertices, normals, areas
+    points, located = _on_faces(vertices[corners], receivers.backwards[face], axes, weights)
+    del vertices, areas
 
     # Those outside solids, estimated twice, and what w is interpolated to there.
     interior = prepared.options.interior if prepared.options.method == "vertex" else "auto"
@@ -63,12 +63,12 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     # Faces are numbered as in the mesh: degenerate ones are not among those of the receivers.
     face = face[outside]
     if len(receivers.faces) < len(prepared.mesh.faces):
-        face = np.flatnonzero(face_normals(placement.vertices.astype(np.float64), prepared.mesh.faces)[1] > 0)[face]
+        face = np.flatnonzero(face_areas(placement.vertices, prepared.mesh.faces) > 0)[face]
     between = Interpolation.of(face, weights64, estimates, values, variance)
     return between._replace(best=_least_error(corners, weights64, estimates)) if between.visible else between
 
 
-def _least_error(corners: Int64s, weights: Float64s, estimates: Float64s) -> float:
+def _least_error(corners: AnyInts, weights: Float64s, estimates: Float64s) -> float:
     """The RMS error of the values at vertices that fit `estimates` (k, 2) best; 0 where these are too few to tell.
 
     Values that fit one estimate and those that fit the other err independently of the estimate that each is held to.
@@ -109,12 +109,12 @@ def _spread(areas: Float64s, key: np.uint32) -> tuple[Int64s, Float32s]:
 
 
 def _on_faces(
-    corners: Float64s, normals: Float64s, axes: VertexAxes, weights: Float32s
+    corners: Float64s, backwards: Bools, axes: VertexAxes, weights: Float32s
 ) -> tuple[Points, LocatedPoints]:
     """Points on faces of `corners` (k, 3, 3), whose vertices have `axes` (3 k, 3), lifted and as they are."""
     count = len(corners)
-    numbers = np.arange(count)
-    surface = Surface.of(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), normals)
+    numbers = np.arange(count, dtype=np.int32)
+    surface = Surface.of(corners.reshape(-1, 3), np.arange(3 * count, dtype=np.int32).reshape(-1, 3), backwards)
     magnitude = surface.magnitudes(np.repeat(numbers[:, None], 3, axis=1), count)
     located = SmoothSurface(axes, surface).points_at(numbers, weights, 1)
     origins = located.positions + ray_offset(located.normals, magnitude, np.ones(count))[:, None] * located.normals

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 _BASE = 32 << 20  # kernels, Embree, threads
 _TABLE, _DIRECTION = 1 << 18, 100  # directions in a table, and bytes for each while it is made
-_VERTEX, _POINT, _FACE = 40, 190, 100
-TRACED = 190  # of a point, what is taken once the vertices are welded
+_VERTEX, _POINT, _FACE = 45, 110, 85
+TRACED = 140  # of a point, what is taken once the vertices are welded
 _CORNER, _COLUMN = 450, 80
 _SURFACE, _SURFACE_VERTEX, _SURFACE_FACE = 64 << 20, 72, 750  # the first is SciPy and blocks on their way to disk
 _SURFACE_COLUMN = 64  # of a face

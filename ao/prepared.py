@@ -156,7 +156,7 @@ class Prepared(NamedTuple):
         if self.options.back_faces == "ignore":
             opacity = (opacity or PackedOpacity(np.full(len(receivers.faces), -1)))._replace(one_sided=np.int64(1))
         return RayScene(
-            self.placement.vertices, receivers.faces, receivers.tree, receivers.embree, opacity, self.options.cone
+            self.placement.vertices, receivers.faces, receivers.hierarchy, receivers.embree, opacity, self.options.cone
         )
 
     def tracer(self, total_points: int) -> Tracer:

@@ -18,7 +18,7 @@ from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.normals import normalized
 from obscurance.raytrace.mesh.solids import inward_warnings
 from obscurance.raytrace.system.parallel import each
-from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64Rows, Float64s, Int64s, UInt8s
+from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64s, UInt8s
 
 from .estimate.calibration import Calibration
 from .estimate.inside import holes
@@ -214,7 +214,7 @@ class PointValues(NamedTuple):
 
     w: Float64s
     error: Float64s
-    bent: Float64s  # (k, 3), mean of μ·direction
+    bent: AnyFloats  # (k, 3), mean of μ·direction
     samples: int  # asked for at a point
     rays: int
     rays_skipped: dict[str, int]
@@ -230,14 +230,14 @@ class PointValues(NamedTuple):
             hidden: how many are filled. rays: that were traced.
             displaced: (k,), errors besides, of ray origins in folds.
         """
-        w = [np.clip(estimate.values[:, 0], 0.0, 1.0) for estimate in columns]
+        w = [np.clip(estimate.w, 0.0, 1.0) for estimate in columns]
         error = [np.sqrt(estimate.variance + np.square(displaced)) for estimate in columns]
         further = tuple(np.stack(columns_of[1:], axis=-1) for columns_of in (w, error)) if len(columns) > 1 else ()
         estimate = columns[0]
         return cls(
             w[0],
             error[0],
-            estimate.values[:, 1:],
+            estimate.bent,
             estimate.samples,
             rays,
             estimate.skipped(hidden),
@@ -254,7 +254,7 @@ def rms(values: Float64s, weights: Float64s) -> float:
 class BakedElements(NamedTuple):
     """The n vertices or faces that have a row of the result each."""
 
-    point: Int64s  # (n,), the row in `PointValues`, −1 for none
+    point: Int32s | Int64s  # (n,), the row in `PointValues`, −1 for none
     flags: UInt8s  # (n,)
     normals: Float32s  # (k, 3), of the points
     wanted: int  # how many w was asked for at
@@ -313,7 +313,9 @@ def assemble(prepared: Prepared, mesh: Mesh, elements: BakedElements, values: Po
 
 
 @each("point")
-def _bent_normals(i: int, point: Int64s, bent: Float64Rows, normals: Float32Rows, out: Float64Rows) -> None:
+def _bent_normals(
+    i: int, point: Int32s | Int64s, bent: Float32Rows | Float64Rows, normals: Float32Rows, out: Float64Rows
+) -> None:
     """Write the unit bent normals of elements, their points' normal where the mean open direction cancels."""
     if point[i] >= 0:
         direction = load(bent, point[i])

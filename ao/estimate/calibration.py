@@ -70,7 +70,12 @@ def mean_square(values: Float64s) -> float:
 
 def shrunk_to_mean(squared: Float64s) -> Float64s:
     """Expected squared errors (k,) shrunk towards their mean, for they are uncertain themselves."""
-    return squared + _TYPICAL * (np.mean(squared) - squared) if len(squared) else squared
+    if not len(squared):
+        return squared
+    shrunk: Float64s = np.mean(squared) - squared
+    shrunk *= _TYPICAL
+    shrunk += squared
+    return shrunk
 
 
 def variance_line(typical: float, level: float) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """Cells of points: about some of them, the centres, along edges; cells that touch are neighbours."""
 
+from functools import partial
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -81,14 +82,9 @@ class Cells(NamedTuple):
         """The graph of the cells, neighbours where points of two cells are. Args: normals: float32 (c, 3)."""
         if len(self.centres) == len(self.cell):
             return neighbours
-        links = neighbours.starts, neighbours.indices, self
-        listed = np.zeros(len(self.starts), np.int64)
         threads = neighbours.threads
-        _list_links.on(threads)(*links, listed[1:], None)
-        np.cumsum(listed, out=listed)
-        ends = np.empty(listed[-1], np.int32)
-        _list_links.on(threads)(*links, listed[:-1], ends)
-        merged = Neighbours.merged(listed, ends, threads)
+        list_links = partial(_list_links.on(threads), neighbours.starts, neighbours.indices, self)
+        merged = Neighbours.merged(list_links, len(self.centres), threads)
         alike = np.ones(len(merged.indices), np.float32)
         return Neighbours.weighted(merged.starts, merged.indices, alike, normals, threads)
 
@@ -106,16 +102,18 @@ def _step(i: int, starts: Int64s, indices: Int32s, weights: Float32s, before: In
 
 
 @each("places")
-def _list_links(c: int, starts: Int64s, indices: Int32s, cells: Cells, places: Int64s, ends: Int32s | None) -> None:
-    """List the cell beyond each link out of a cell from places[c] on, or count the links, without `ends`: places[c]."""
-    count = 0
-    for member in range(cells.starts[c], cells.starts[c + 1]):
+def _list_links(
+    row: int, starts: Int64s, indices: Int32s, cells: Cells, first: int, places: Int64s, ends: Int32s | None
+) -> None:
+    """Write the cell beyond each link out of cell first + row from places[row] on, or count them, without `ends`."""
+    own, count = first + row, 0
+    for member in range(cells.starts[own], cells.starts[own + 1]):
         i = cells.members[member]
         for k in range(starts[i], starts[i + 1]):
             other = cells.cell[indices[k]]
-            if other != c:
+            if other != own:
                 if ends is not None:
-                    ends[places[c] + count] = other
+                    ends[places[row] + count] = other
                 count += 1
     if ends is None:
-        places[c] = count
+        places[row] = count

@@ -89,7 +89,7 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
     """`_solids`, sought once for the same receivers; parts that have faces with alpha are open."""
     if receivers not in _sought:
         point, rest = receivers.of_vertex, np.flatnonzero(receivers.of_vertex < 0)  # welded vertices count once
-        number = point.copy()
+        number = point.astype(np.int32)
         number[rest] = np.arange(len(receivers.points), len(receivers.points) + len(rest))
         if len(receivers.points) + len(rest) == len(number):  # no two vertices are one point
             part, closed = _solids(vertices, receivers.faces)
@@ -148,7 +148,7 @@ def _find_hidden(
         hidden[i] = 2 * count > samples
 
 
-def _solids(vertices: Float32s, faces: Int64s) -> tuple[Int64s, Bools]:
+def _solids(vertices: Float32s, faces: Int32s) -> tuple[Int64s, Bools]:
     """The part (n,) of each vertex, and whether each is closed and looks outwards; one part alone counts as open."""
     part = connected_components(faces, len(vertices))
     of_face = part[faces[:, 0]] if part.any() else part

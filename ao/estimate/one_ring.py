@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -11,12 +13,16 @@ from obscurance.raytrace.kernel.jit import kernel
 from obscurance.raytrace.kernel.simd import WIDE, load_row, load_short_row, multiply_add, select, store_short_row
 from obscurance.raytrace.system.parallel import each, parallel
 from obscurance.raytrace.system.threads import run_blocks
-from obscurance.raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
+from obscurance.raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int32Rows, Int32s, Int64s
 
 Block = Callable[[int, int], None]
+ListEnds = Callable[[int, Int64s, Int32s | None], None]
+"""Adds how many ends of edges there are at points from the first on to their places, or writes the ends, −1 for none,
+from the places on."""
 _NOTHING = np.float32(1e-6)  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once; to wake a thread for fewer takes longer than their work
+_LISTED, _PARTS = 1 << 18, 16  # points whose edges are listed at once, at least, and as what part of all at most
 _FEW = 32  # ends of edges at a point that are looked through
 
 
@@ -30,14 +36,13 @@ class Neighbours:
     threads: int
 
     @classmethod
-    def of(cls, faces: Int32s | Int64s, normals: Float32s, threads: int) -> Self:
-        """Args: faces: (m, 3), rows of points, −1 for a corner without a point. normals: float32 (k, 3), unit."""
-        listed = np.zeros(len(normals) + 1, np.int64)
-        _list_ends.on(threads)(faces, listed[1:], None)
-        np.cumsum(listed, out=listed)
-        ends = np.empty(listed[-1], np.int32)
-        _list_ends.on(threads)(faces, listed[:-1].copy(), ends)
-        return cls.weighted(*cls.merged(listed, ends, threads).ring, normals, threads)
+    def of(cls, faces: Int32s, of_vertex: AnyInts, normals: Float32s, threads: int) -> Self:
+        """Neighbours along the edges of `faces` (m, 3).
+
+        Args: of_vertex: (n,), the point of each vertex, −1 for none. normals: float32 (k, 3), unit.
+        """
+        list_ends = partial(_list_ends.on(threads), faces, of_vertex.astype(np.int32))
+        return cls.weighted(*cls.merged(list_ends, len(normals), threads).ring, normals, threads)
 
     @classmethod
     def linked(cls, here: AnyInts, there: AnyInts, normals: Float32s, threads: int) -> Self:
@@ -51,9 +56,24 @@ class Neighbours:
         return cls.weighted(starts, indices, np.ones(len(indices), np.float32), normals, threads)
 
     @classmethod
-    def merged(cls, listed: Int64s, ends: Int32s, threads: int) -> Self:
-        """Args: listed: (k + 1,), where the `ends` of edges at each point begin, half a weight each, −1 for none;
-        overwritten."""
+    def merged(cls, list_ends: ListEnds, count: int, threads: int) -> Self:
+        """One-rings of `count` points from the ends of edges at them, half a weight each."""
+        listed = np.zeros(count + 1, np.int64)
+        list_ends(0, listed[1:], None)
+        np.cumsum(listed, out=listed)
+        parts = []
+        size = max(_LISTED, -(-count // _PARTS))
+        for start in range(0, max(count, 1), size):
+            places = listed[start : start + size + 1] - listed[start]
+            ends = np.empty(places[-1], np.int32)
+            list_ends(start, places[:-1].copy(), ends)
+            parts.append(cls._merged(places, ends, threads))
+        del listed, places, ends
+        return cls._joined(parts)
+
+    @classmethod
+    def _merged(cls, listed: Int64s, ends: Int32s, threads: int) -> Self:
+        """Args: listed: (k + 1,), where the `ends` at each point begin; overwritten, as these are."""
         weights = np.empty(len(ends), np.float32)
         starts = np.zeros(len(listed), np.int64)
         _merge_edges.on(threads)(listed, ends, weights, starts[1:])
@@ -62,6 +82,20 @@ class Neighbours:
         merged = np.empty(starts[-1], np.float32)
         _pack.on(threads)(listed[:-1], ends, weights, starts, indices, merged)
         return cls(starts, indices, merged, threads)
+
+    @classmethod
+    def _joined(cls, parts: list[Self]) -> Self:
+        """One-rings of points that follow one another. Args: parts: emptied, so that no more memory is taken."""
+        begins = np.cumsum([0, *(len(part.indices) for part in parts)])
+        starts = np.concatenate([[0], *(part.starts[1:] + begin for part, begin in zip(parts, begins, strict=False))])
+        indices = np.empty(begins[-1], np.int32)
+        weights = np.empty(begins[-1], np.float32)
+        threads = parts[0].threads
+        for begin, end in pairwise(begins.tolist()):
+            part = parts.pop(0)
+            indices[begin:end] = part.indices
+            weights[begin:end] = part.weights
+        return cls(starts, indices, weights, threads)
 
     @classmethod
     def weighted(cls, starts: Int64s, indices: Int32s, weights: Float32s, normals: Float32s, threads: int) -> Self:
@@ -194,16 +228,20 @@ def _reach(starts: Int64s, indices: Int32s, front: Int64s, edges: int, is_near: 
 
 
 @parallel("places", alone=True)
-def _list_ends(start: int, stop: int, faces: Int32Rows | Int64Rows, places: Int64s, ends: Int32s | None) -> None:
-    """Write the ends of edges at point i from places[i] on, or count them, without `ends`; move places[i] past them."""
+def _list_ends(
+    start: int, stop: int, faces: Int32Rows, of_vertex: Int32s, first: int, places: Int64s, ends: Int32s | None
+) -> None:
+    """Write the ends of edges at point first + i from places[i] on, or count them, without `ends`; move places[i] past
+    them."""
     for f in range(len(faces)):
         for k in range(3):
-            i = faces[f, k]
+            point = of_vertex[faces[f, k]]
+            i = point - first
             if start <= i < stop:
                 if ends is not None:
                     for step in range(2):
-                        j = faces[f, (k + 1 + step) % 3]
-                        ends[places[i] + step] = -1 if i == j else j
+                        j = of_vertex[faces[f, (k + 1 + step) % 3]]
+                        ends[places[i] + step] = -1 if point == j else j
                 places[i] += 2
 
 

@@ -39,22 +39,25 @@ class Copies:
         gathered: (j, COLUMNS) by each falloff, float32, or float64 of one round that is not denoised.
     """
 
-    def __init__(self, tracer: Tracer, points: Points, elsewhere: bool = False) -> None:
+    def __init__(
+        self, tracer: Tracer, points: Points, elsewhere: bool = False, dtype: type[np.floating[Any]] = np.float32
+    ) -> None:
         self.tracer = tracer
         self.points = points
         self.elsewhere = elsewhere
         self.rays = np.zeros(len(points), np.int64)
         self.worth = np.zeros(len(points))
-        self.gathered: list[AnyFloats] = [np.zeros((len(points), COLUMNS), np.float32) for _ in range(tracer.columns)]
+        self.gathered: list[AnyFloats] = [np.zeros((len(points), COLUMNS), dtype) for _ in range(tracer.columns)]
 
     @classmethod
     def of_one_round(
         cls, tracer: Tracer, points: Points, rays: int, key: np.uint32, dtype: type[np.floating[Any]]
     ) -> Self:
         """As many `rays` at every site, once. Args: dtype: of `gathered`."""
-        copies = cls(tracer, points)
-        rows = tracer.gather(points, rays, key)
-        copies.gathered = [np.ascontiguousarray(rows[:, column], dtype) for column in range(tracer.columns)]
+        copies = cls(tracer, points, dtype=dtype)
+        for part, rows in tracer.gather_in_parts(points, rays, key):
+            for column, gathered in enumerate(copies.gathered):
+                gathered[part] = rows[:, column]
         copies.rays = np.broadcast_to(np.int64(rays), len(points))
         copies.worth = np.broadcast_to(float(rays) ** RATE, len(points))
         return copies
@@ -70,11 +73,11 @@ class Copies:
         for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
             which = np.flatnonzero(more == count)
             leap = _SHARERS if shared and count < _ENOUGH else 1
-            subset = self.points if len(which) == len(self.points) else self.points[which]
-            rows = tracer.gather(subset, count, key, leap, self.elsewhere)
-            for column, gathered in enumerate(self.gathered):
-                new = np.ascontiguousarray(rows[:, column], np.float64)
-                _combine.on(tracer.threads)(which, self.worth, float(count) ** RATE, new, gathered)
+            some = None if len(which) == len(self.points) else which
+            for part, rows in tracer.gather_in_parts(self.points, count, key, leap, self.elsewhere, some):
+                for column, gathered in enumerate(self.gathered):
+                    new = np.ascontiguousarray(rows[:, column], np.float64)
+                    _combine.on(tracer.threads)(which[part], self.worth, float(count) ** RATE, new, gathered)
             self.rays[which] += count
             self.worth[which] += float(count) ** RATE
 

@@ -6,6 +6,7 @@ is left at each site says how many more rays it gets: rate allocation by a Lagra
 how many rays all get at first, as one lattice is more even than two of half as many rays.
 """
 
+from functools import partial
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -43,7 +44,8 @@ _CHECKED, _CHECKED_LEAST = 64, 128  # the same where all sites have as many rays
 class Estimate(NamedTuple):
     """Values of points, and their errors."""
 
-    values: Float64s  # (k, 4), w and the mean of μ·direction (x, y, z)
+    w: Float64s  # (k,)
+    bent: AnyFloats  # (k, 3), mean of μ·direction
     variance: Float64s  # (k,), mean square error of w expected
     samples: int  # rays of the point that has most
     spared: int = 0  # rays that the other points have fewer than it, in all
@@ -52,7 +54,7 @@ class Estimate(NamedTuple):
     @property
     def mean_samples(self) -> int:
         """Rays of a point in the mean."""
-        return self.samples - self.spared // max(len(self.values), 1)
+        return self.samples - self.spared // max(len(self.w), 1)
 
     def skipped(self, hidden: int) -> dict[str, int]:
         """Rays not traced, by reason. Args: hidden: number of points inside solids."""
@@ -129,11 +131,12 @@ class Round(NamedTuple):
     def estimate(self, rays: Int64s) -> Estimate:
         """The estimates of all sites, of so many `rays` (k,)."""
         count = len(self.sites)
-        values = np.column_stack([self.w, self.gathered[:, BENT:]])
+        w, bent = self.w, self.gathered[:, BENT:]
         if self.sites.cell is not None:
-            values = self.sites.values_at(np.arange(count), values)
+            values = self.sites.values_at(np.arange(count), np.column_stack([w, bent]))
+            w, bent = values[:, 0], values[:, 1:]
         most = int(rays.max(initial=0))
-        return Estimate(values, self.error, most, most * count - int(rays.sum()), self.calibration)
+        return Estimate(w, bent, self.error, most, most * count - int(rays.sum()), self.calibration)
 
 
 def _alone(gathered: AnyFloats, level: float) -> Float64s:
@@ -162,9 +165,11 @@ def _keep_mean(sites: Sites, raw: AnyFloats, w: Float64s, error: Float64s) -> No
     After: Wang, Fuller & Qu 2008, Small area estimation under a restriction.
     """
     np.clip(w, 0, 1, out=w)
-    share = np.sqrt(error) * (w != raw)
     missing = float(np.sum(sites.counts * (raw - w)))
-    w += share * (missing / max(float(np.sum(sites.counts * share)), 1e-300))
+    share = np.sqrt(error)
+    share *= w != raw
+    share *= missing / max(float(np.sum(sites.counts * share)), 1e-300)
+    w += share
 
 
 def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint32) -> tuple[list[Round], Int64s]:
@@ -206,6 +211,7 @@ def to_tolerance(
             probes.grow(sites, own.rays)
         more[:] = 0
         rounds = _rounds(own, sites, sets, denoise, range(asked))
+        tracer.scene.hierarchy.release()
         again = np.zeros(0, np.int64)
         if max(round_.mean for round_ in rounds) <= goal:  # sites expected to be far off get rays of their own
             worst = np.any([round_.errs_by_more(_WORST * tolerance) for round_ in rounds], axis=0)
@@ -246,6 +252,7 @@ def _rounds(own: Copies, sites: Sites, sets: tuple[Probes, Probes], denoise: boo
     if not columns:
         return []
     deciding, measuring = sets
+    own.tracer.scene.hierarchy.release()  # until more is traced
     rounds = [Round.of(own, sites, deciding, column, denoise) for column in columns]
     for probes in sets:
         probes.add_where_error_is_largest(sites, _of_all(rounds))
@@ -275,7 +282,7 @@ def _rays_by_pilot(
     probed = probes.spread_over_traced(sites)
     probed = probed[stratified_rows(len(probed), count // (_PILOT_SHARE * _PATCH))]
     rows = around(sites.graph, sites.traced_of(probed), count // _PILOT_SHARE)
-    patch = Sites.alike(sites.traced_points[rows], sites.graph.among(rows), ONE_PLACE)
+    patch = Sites.alike(sites.traced_points[rows], partial(sites.graph.among, rows), ONE_PLACE)
     at_all = np.arange(len(sites))[sites.traced][rows]
     own.tracer.stage = "rays, pilot sample"
 

@@ -29,6 +29,7 @@ from .upsampling import upsample
 
 _LEVELS = 3  # above the points
 _FEWEST = 1024  # points of a level that is worth one above it
+_BLOCK = 1 << 17  # points or cells that are in memory twice at once
 _REACH = 4  # cells over which squared residuals are averaged
 _AMOUNTS = 2.0, 1.2, 0.8, 0.5, 0.25, 0.0  # times the expected noise: what may be in residuals
 _JUMP = 3.0  # times the noise may be in the mean squared residual of a point and its neighbours
@@ -84,19 +85,28 @@ def denoise_over_scales(
     values: AnyFloats = np.repeat(np.column_stack(estimates.pop()), len(amounts), axis=1)
     threads = neighbours.threads
     for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
-        values = _Detail.of(estimates.pop(), fine.points, coarse, values).shrunk(amounts, threads)
+        detail = _Detail.of(estimates.pop(), fine.points, coarse, values)
+        values = detail.shrunk(amounts, threads, detail.predicted)
+        del detail
     lowest = levels[0]
     cell = lowest.cells.cell[checked]
     predicted = upsample(points[checked], cell, lowest.neighbours, lowest.points, values).astype(np.float64)
     best = min(range(len(amounts)), key=lambda column: risk(predicted[:, column]))
-    detail = _Detail.of(finest, points, lowest, values[:, best :: len(amounts)].copy()).with_jumps(neighbours)
+    values = values[:, best :: len(amounts)].copy()
+    detail = _Detail.of(finest, points, lowest, values, neighbours)
+    del values
     # Points, by the amount that is best at those that are checked.
     some = detail.at(checked)
     by_amount = [some.shrunk(np.array([amount]), 1)[:, 0].astype(np.float64) for amount in _AMOUNTS]
     amount = _AMOUNTS[min(range(len(_AMOUNTS)), key=lambda column: risk(by_amount[column]))]
-    shrunk = detail.shrunk(np.array([amount]), threads)
+    w, error = finest
+    for start in range(0, len(w), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        shrunk = detail.at(block).shrunk(np.array([amount]), threads)
+        w[block] = shrunk[:, 0]
+        error[block] = shrunk[:, 1]
     del finest, detail
-    return shrunk[:, 0].astype(np.float64), shrunk_to_mean(shrunk[:, 1].astype(np.float64))
+    return w, shrunk_to_mean(error)
 
 
 def _mean_variance(gathered: Float32s) -> float:
@@ -110,35 +120,42 @@ class _Detail(NamedTuple):
     error: Float64s  # (k,), its squared error expected
     predicted: Float32Rows  # (k, 2 a), w by each amount, then their squared errors expected
     cell: Int32s  # (k,)
-    around: Float32Rows  # (c, SHORT), means around each cell: the noise expected, then squared residuals by each amount
+    around: Float32Rows  # (c, 1 + a), means around each cell: the noise expected, then squared residuals by each amount
     jump: Float32s  # (k,), what squared residuals are at least
 
     @classmethod
-    def of(cls, estimates: Denoised, points: Points, coarse: _Level, above: AnyFloats) -> Self:
-        """Args: estimates: of the `points`. above: (c, 2 a), of the cells, as `predicted`."""
+    def of(
+        cls, estimates: Denoised, points: Points, coarse: _Level, above: AnyFloats, finest: Neighbours | None = None
+    ) -> Self:
+        """Args: estimates: of the `points`. above: (c, 2 a), of the cells, as `predicted`. finest: of the points, by
+        which jumps are found, where no wider surroundings count; None: none are sought."""
         cell = coarse.cells.cell
         predicted = upsample(points, cell, coarse.neighbours, coarse.points, above)
-        around = np.zeros((len(coarse.points), SHORT), np.float32)
-        _compare.on(coarse.neighbours.threads)(coarse.cells, *estimates, predicted, around)
-        return cls(
-            *estimates, predicted, cell, coarse.neighbours.smooth(around, _REACH), np.zeros(len(points), np.float32)
-        )
+        around = np.empty((len(coarse.points), 1 + above.shape[1] // 2), np.float32)
+        for block in coarse.neighbours.blocks(_BLOCK, _REACH):
+            means = np.zeros((len(block.rows), SHORT), np.float32)
+            _compare.on(block.neighbours.threads)(block.rows, coarse.cells, *estimates, predicted, means)
+            means = block.neighbours.smooth(means, _REACH)
+            around[block.of_all] = means[block.of_rows, : around.shape[1]]
+        if finest is None:
+            return cls(*estimates, predicted, cell, around, np.zeros(len(points), np.float32))
+        # A point and its neighbours together are far beyond their noise.
+        squared = np.empty(len(points), np.float32)
+        _square.on(finest.threads)(estimates[0], predicted, squared)
+        jump = finest.means(squared, 1.0, then=partial(_beyond_noise.for_rows, cell, around))
+        return cls(*estimates, predicted, cell, around, jump)
 
-    def with_jumps(self, neighbours: Neighbours) -> Self:
-        """Where a point and its neighbours together are far beyond their noise, no wider surroundings count."""
-        squared = np.empty(len(self.w), np.float32)
-        _square.on(neighbours.threads)(self.w, self.predicted, squared)
-        jump = neighbours.means(squared, 1.0, then=partial(_beyond_noise.for_rows, self.cell, self.around))
-        return self._replace(jump=jump)
-
-    def at(self, point_rows: Int64s) -> Self:
+    def at(self, point_rows: Int64s | slice) -> Self:
         """The detail at some of the points."""
         kept = {name: getattr(self, name)[point_rows] for name in ("w", "error", "predicted", "cell", "jump")}
         return self._replace(**kept)
 
-    def shrunk(self, amounts: Float64s, threads: int) -> Float32s:
-        """w by each of the `amounts` (a,) of noise in residuals, and its squared errors expected: (k, 2 a)."""
-        out = np.empty_like(self.predicted)
+    def shrunk(self, amounts: Float64s, threads: int, out: Float32s | None = None) -> Float32s:
+        """w by each of the `amounts` (a,) of noise in residuals, and its squared errors expected: (k, 2 a).
+
+        Args: out: what they are written to, maybe `predicted`.
+        """
+        out = np.empty_like(self.predicted) if out is None else out
         _shrink.on(threads)(self, amounts, out)
         return out
 
@@ -163,15 +180,18 @@ def _average(
         out[c, column] /= total * total if column == BATCH_VARIANCE else total
 
 
-@each("around")
-def _compare(c: int, cells: Cells, w: Float64s, error: Float64s, predicted: Float32Rows, around: Float32Rows) -> None:
-    """Fill in the first columns of `around` with means over each cell."""
+@each("rows")
+def _compare(
+    row: int, rows: Int64s, cells: Cells, w: Float64s, error: Float64s, predicted: Float32Rows, means: Float32Rows
+) -> None:
+    """Fill in the first columns of `means`, over each of some cells."""
+    c = rows[row]
     size = np.float32(cells.starts[c + 1] - cells.starts[c])
     for k in range(cells.starts[c], cells.starts[c + 1]):
         i = cells.members[k]
-        around[c, 0] += error[i] / size
+        means[row, 0] += error[i] / size
         for a in range(predicted.shape[1] // 2):
-            around[c, 1 + a] += (w[i] - predicted[i, a]) ** 2 / size
+            means[row, 1 + a] += (w[i] - predicted[i, a]) ** 2 / size
 
 
 @each("w")
@@ -215,7 +235,9 @@ def _cells_of_cells(graph: Neighbours, points: Points) -> Iterator[_Level]:
         cells = Cells.about_four(graph)
         if len(points) < _FEWEST or 2 * len(cells.centres) > len(points):
             break
-        coarse = points[cells.centres]
+        centres = cells.centres
+        no_lifts = points.lifts[:0]  # no ray starts from cells
+        coarse = Points(points.origins[centres], points.normals[centres], points.numbers[centres], no_lifts)
         cell_weight = np.empty(len(coarse), np.float32)
         _centre.on(graph.threads)(cells, weight, points.arrays, coarse.arrays, cell_weight)
         points, weight = coarse, cell_weight

@@ -13,10 +13,10 @@ by least squares, to the whole mesh and then around each point.
 
 from collections.abc import Callable
 from typing import NamedTuple, TypeVar, get_type_hints
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from obscurance.raytrace.kernel.arrays import give_memory_back
 from obscurance.raytrace.kernel.jit import inline
 from obscurance.raytrace.kernel.simd import SHORT, WIDE, load_short_row, store_short_row
 from obscurance.raytrace.kernel.vector import add, cross, dot, load, scale
@@ -30,7 +30,7 @@ from .one_ring import Neighbours, PointBlock
 
 _REACH = 4  # edges over which squared residuals are averaged
 _COMPARED = 5  # edges from which estimates have a say in a prediction by means
-_BLOCK = 1 << 17  # points of which surroundings are in memory at once
+_BLOCK = 1 << 16  # points of which surroundings are in memory at once
 _FIT_REACH = 4  # and over which corrections are fitted; three for the spread between batches and what is closed around
 _OUTLIER = 9.0  # a residual of more than three σ is the point's own
 _RIDGE, _RIDGE_POINTS = 3e-3, 10.0
@@ -48,9 +48,6 @@ class _Shape(NamedTuple):
     self_weight: Float32s  # of the point's value in its mean with its neighbours
     leverage: Float32s  # of the point's value in the mean of its prediction and its neighbours' predictions
     rise: Float32s  # mean sine by which neighbours stand above the tangent plane, less theirs; NaN without neighbours
-
-
-_shapes: WeakKeyDictionary[Neighbours, _Shape] = WeakKeyDictionary()
 
 
 class _Fields(NamedTuple):
@@ -73,6 +70,16 @@ def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: f
     Where all rays around a point agree, nothing is shrunk. Args: gathered: (k, COLUMNS), of `Tracer.gather`. level:
         mean square error of w in it.
     """
+    w, error = _shrunk_to_predictions(neighbours, points, gathered, level)
+    if len(points) > _BLOCK:
+        give_memory_back()
+    return w, shrunk_to_mean(error)
+
+
+def _shrunk_to_predictions(
+    neighbours: Neighbours, points: Points, gathered: Float32s, level: float
+) -> tuple[Float64s, Float64s]:
+    """`denoise`, but for the errors' own shrinkage."""
     threads = neighbours.threads
     shape = shape_of(neighbours, points)
     at = _empty(_Fields, len(points))
@@ -86,10 +93,11 @@ def denoise(neighbours: Neighbours, points: Points, gathered: Float32s, level: f
         _normal_equations.on(threads)(block.rows, fit, at, moments)
         moments = block.neighbours.smooth(moments, _FIT_REACH)[block.of_rows]
         _local_fits.on(threads)(block.of_all.start or 0, fit, shape, moments, at)
+    del shape
     w = np.empty(len(points))
     error = np.empty(len(points))
     neighbours.smooth(at.excess, _REACH, then=lambda beyond: _shrink.for_rows(gathered, beyond, at, w, error))
-    return w, shrunk_to_mean(error)
+    return w, error
 
 
 def _compare_with_neighbours(
@@ -122,13 +130,12 @@ def _empty(kind: Callable[..., Named], count: int) -> Named:
 
 
 def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
-    """Where points lie among their neighbours, measured once for the same neighbours."""
-    if neighbours not in _shapes:
-        ring, shape = neighbours.ring, _empty(_Shape, len(points))
-        _measure.on(neighbours.threads)(ring, points.origins, points.normals, shape)
-        rise = neighbours.means(shape.rise, 0.0, then=lambda mean: _compare_shapes.for_rows(ring, shape, mean))
-        _shapes[neighbours] = shape._replace(rise=rise)
-    return _shapes[neighbours]
+    """Where points lie among their neighbours."""
+    ring = neighbours.ring
+    shape = _empty(_Shape, len(points))
+    _measure.on(neighbours.threads)(ring, points.origins, points.normals, shape)
+    rise = neighbours.means(shape.rise, 0.0, then=lambda mean: _compare_shapes.for_rows(ring, shape, mean))
+    return shape._replace(rise=rise)
 
 
 @each("origins")

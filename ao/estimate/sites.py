@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -24,27 +25,33 @@ class Sites:
     """The k sites that get a value each, along a curve that keeps neighbours together.
 
     Attributes:
-        points: (k,), where they are, one point of each. neighbours: of all of them.
+        points: (k,), where they are, one point of each. find_neighbours: finds `neighbours`, when they are asked for.
         kinds: uint8 (k,); those that are `FOLDED` are the last.
         cell: int64 (k,), the traced site from which each is predicted, itself if it is traced; None: all are traced.
     """
 
     points: Points
-    neighbours: Neighbours
+    find_neighbours: Callable[[], Neighbours]
     kinds: UInt8s
     cell: Int64s | None = None
 
     @classmethod
-    def alike(cls, points: Points, neighbours: Neighbours, kind: int) -> Sites:
+    def alike(cls, points: Points, find_neighbours: Callable[[], Neighbours], kind: int) -> Sites:
         """Sites of one kind."""
-        return cls(points, neighbours, np.full(len(points), kind, np.uint8))
+        return cls(points, find_neighbours, np.full(len(points), kind, np.uint8))
 
     def __len__(self) -> int:
         return len(self.points)
 
     def only(self, rows: Int64s) -> Sites:
         """Some of the sites, ascending, all traced."""
-        return Sites(self.points[rows], self.neighbours.among(rows), self.kinds[rows])
+        neighbours = self.neighbours.among(rows)
+        return Sites(self.points[rows], lambda: neighbours, self.kinds[rows])
+
+    @cached_property
+    def neighbours(self) -> Neighbours:
+        """Of all of the sites."""
+        return self.find_neighbours()
 
     @cached_property
     def _cells(self) -> Cells:
@@ -57,9 +64,9 @@ class Sites:
         return slice(None) if self.cell is None else self._cells.centres
 
     @property
-    def counts(self) -> Int64s:
+    def counts(self) -> Float64s:
         """How many sites each traced one (b,) stands for."""
-        return np.ones(len(self), np.int64) if self.cell is None else np.diff(self._cells.starts)
+        return np.ones(len(self)) if self.cell is None else np.diff(self._cells.starts).astype(np.float64)
 
     def traced_of(self, rows: Int64s) -> Int64s:
         """Which of the traced sites each of some `rows` (j,) is or is predicted from."""
@@ -111,4 +118,5 @@ class Sites:
         freed = np.flatnonzero(predicts[self.cell] & (self.kinds == PREDICTED))
         kinds, cell = self.kinds.copy(), self.cell.copy()
         kinds[freed], cell[freed] = SEVERAL_PLACES, freed
-        return replace(self, kinds=kinds, cell=cell), freed
+        neighbours = self.neighbours
+        return replace(self, find_neighbours=lambda: neighbours, kinds=kinds, cell=cell), freed

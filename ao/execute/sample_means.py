@@ -43,6 +43,11 @@ class SampleMeans(NamedTuple):
     elsewhere: Elsewhere | None = None  # None: each site is the one place that it has
     enough: int = 8  # rays of a sample, so that more samples are worth their time; less where w varies among them
 
+    @property
+    def by_blocks(self) -> bool:
+        """Blocks of samples have as many sets of directions as they are long."""
+        return True
+
     def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32, leap: int, elsewhere: bool) -> Float64s:
         """Rows (k, …, COLUMNS) of sites, by so many `rays` each or a few more; see `Tracer.gather`."""
         sites = points.numbers.astype(np.int64)
@@ -112,6 +117,11 @@ class FoldedMeans(NamedTuple):
     corners: CornerSamples
     numbers: UInt32s  # (j,), of the folded points, ascending
     share: int  # of a vertex's rays, for each of some 18 corner samples: their mean errs as little by fewer each
+
+    @property
+    def by_blocks(self) -> bool:
+        """Every vertex draws from the sets of all."""
+        return False
 
     def rows(self, tracer: Tracer, points: Points, rays: int, key: np.uint32, leap: int, _: bool) -> Float64s:
         """Rows (k, …, COLUMNS); see `Tracer.gather`. The places of a vertex are all that it stands for."""

@@ -2,13 +2,13 @@
 
 import hashlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
-from obscurance.raytrace.types import Float64s
+from obscurance.raytrace.types import Float64s, Int64s
 
 from ..mu import KernelMu
 from ..points.points import Points
@@ -21,6 +21,7 @@ from ..rays.traverse import TraversalState
 from .kept import NOTHING_KEPT, Kept
 from .work import KeptRowTask, Outputs
 
+_AT_ONCE = 1 << 20  # points
 Progress = Callable[[int, int, str], None]
 
 
@@ -71,7 +72,7 @@ class Hemispheres:
     def gatherer(self, scene: RayScene) -> Callable[[Points, Float64s], None]:
         """A function that gathers the hemispheres at some of the points into rows (k, c, COLUMNS), from any thread."""
         table, mu, t_max = self.directions(scene), self.mu, self.t_max
-        tree, idle = scene.tree, deque[tuple[Rays, TraversalState]]()  # as many at most as threads
+        tree, idle = scene.hierarchy.tree, deque[tuple[Rays, TraversalState]]()  # as many at most as threads
 
         def gather(points: Points, out: Float64s) -> None:
             try:
@@ -87,6 +88,10 @@ class Hemispheres:
 
 class Means(Protocol):
     """Makes the rows of sites of several places; see `SampleMeans` and `FoldedMeans`."""
+
+    @property
+    def by_blocks(self) -> bool:
+        """Whether rows depend on which others are made with them."""
 
     def rows(self, tracer: "Tracer", points: Points, rays: int, key: np.uint32, leap: int, elsewhere: bool) -> Float64s:
         """Rows (k, …, COLUMNS) of the sites that `points` stand for, by about so many `rays` each; see `gather`."""
@@ -119,6 +124,26 @@ class Tracer:
         else:
             rows = self.fill(self.hemispheres(points, samples, key, leap))[0]
         return rows.reshape(-1, self.columns, COLUMNS)
+
+    def gather_in_parts(
+        self,
+        points: Points,
+        samples: int,
+        key: np.uint32,
+        leap: int = 1,
+        elsewhere: bool = False,
+        rows: Int64s | None = None,
+    ) -> Iterator[tuple[slice, Float64s]]:
+        """Parts of the points, so many that their rows fit into memory, and `gather` of each.
+
+        Args: rows: (j,), which of the points; None: all.
+        """
+        count = len(points if rows is None else rows)
+        step = count if self.means and self.means.by_blocks else _AT_ONCE
+        for start in range(0, count, step or 1):
+            part = slice(start, start + step)
+            some = points[part if rows is None else rows[part]]
+            yield part, self.gather(some, samples, key, leap, elsewhere)
 
     @property
     def columns(self) -> int:

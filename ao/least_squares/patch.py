@@ -10,6 +10,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from obscurance.raytrace.mesh.morton import fine_morton_order
+from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.weld import CREASE, connected_components
 from obscurance.raytrace.sampling import hash32_array
@@ -58,7 +59,8 @@ class Patch:
         rows = np.flatnonzero(requested[receivers.faces].any(axis=1))
         rows = rows[fine_morton_order(vertices[receivers.faces[rows]].mean(axis=1))]
         faces = receivers.faces[rows]
-        face_normals, areas = receivers.face_normals(vertices)
+        normals_of, areas = face_normals(vertices, faces)
+        normals_of[receivers.backwards[rows]] *= -1.0
         unknown = receivers.of_vertex.copy()
         normals = receivers.points.normals
         without = np.flatnonzero(unknown < 0)
@@ -68,8 +70,8 @@ class Patch:
         points = unknown[faces]
         patch = cls(
             vertices[faces],
-            face_normals[rows],
-            areas[rows],
+            normals_of,
+            areas,
             points.astype(np.int32),
             axes[points],
             np.concatenate([receivers.surface_normals, none])[points],

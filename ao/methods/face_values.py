@@ -1,12 +1,14 @@
 """w of faces: the mean over samples spread over each, whose hemispheres are about the face's own normal, or `up`."""
 
+from functools import partial
+
 import numpy as np
 
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.mesh.morton import morton_order
-from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.sampling import derive, hash32_array
-from obscurance.raytrace.types import Bools, Float32s, Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Bools, Float32s, Float64s, Int64s
 
 from ..estimate.estimate import estimate_outside
 from ..estimate.inside import inside_solids
@@ -36,7 +38,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
     receivers, options, threads = prepared.receivers, prepared.options, prepared.threads
     vertices = prepared.placement.vertices.astype(np.float64)
     # The faces that get w, along a curve; `receivers.faces` lacks those without area.
-    with_area = np.flatnonzero(face_normals(vertices, prepared.mesh.faces)[1] > 0)
+    with_area = np.flatnonzero(face_areas(vertices, prepared.mesh.faces) > 0)
     is_wanted = with_area < count
     if prepared.requested is not None:
         is_wanted &= prepared.requested[prepared.mesh.faces[with_area]].all(axis=1)
@@ -47,7 +49,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
     corners = receivers.of_vertex[receivers.faces[wanted]]
     first, row_of_wanted = _coincident(corners) if receivers.opacity is None else (np.arange(len(wanted)),) * 2
     faces, corners = wanted[first], corners[first]
-    areas = face_normals(vertices, receivers.faces[faces])[1]
+    areas = face_areas(vertices, receivers.faces[faces])
     surface = SmoothSurface.of(vertices, receivers)
     if options.normals != "up":
         nothing = np.zeros_like(vertices)
@@ -82,7 +84,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
     samples, hidden = outside(samples_of(everything, 0 * everything, derive(prepared.key, _PLACES)))
     tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere, _RAYS), "faces", checkpoint)
     points = samples.first_points
-    sites = Sites.alike(points, _neighbours(corners, points.normals, threads), SEVERAL_PLACES)
+    sites = Sites.alike(points, partial(_neighbours, corners, points.normals, threads), SEVERAL_PLACES)
     filled = hidden & (options.interior != "mark")
     values = PointValues.of(*estimate_outside(tracer, sites, filled, options), tracer.rays)
 
@@ -97,7 +99,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
     return elements, values
 
 
-def _coincident(corners: Int64s) -> tuple[Int64s, Int64s]:
+def _coincident(corners: AnyInts) -> tuple[Int64s, Int64s]:
     """The first (j,) of all faces with the same corners, ascending, and which of these each face (k,) is like.
 
     Args: corners: (k, 3), the points of each face, one way round.
@@ -156,7 +158,7 @@ def _uniform(numbers: Int64s, key: np.uint32) -> Float32s:
     return np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
 
 
-def _neighbours(corners: Int64s, normals: Float32s, threads: int) -> Neighbours:
+def _neighbours(corners: AnyInts, normals: Float32s, threads: int) -> Neighbours:
     """The faces across the edges of each face, as estimates take neighbours.
 
     Args:

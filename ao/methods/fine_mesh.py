@@ -1,6 +1,7 @@
 """w of a fine mesh at the vertices of a coarse one: each is a sample where it is projected onto the fine surface."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -10,8 +11,9 @@ from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.types import Int64s, UInt8s
 
-from ..estimate.estimate import edges_of, estimate_outside
+from ..estimate.estimate import estimate_outside
 from ..estimate.inside import inside_solids
+from ..estimate.one_ring import Neighbours
 from ..estimate.sites import ONE_PLACE, Sites
 from ..execute.sample_means import SampleMeans
 from ..points.projection import FineMesh, cage_of
@@ -47,13 +49,16 @@ def sample_fine_mesh(prepared: Prepared, coarse: Mesh, inputs: Inputs) -> tuple[
     # Edges between them as the coarse mesh has them, over which estimates are denoised.
     row_of = np.full(len(order) + 1, -1)
     row_of[order] = np.arange(len(order))
-    edges = edges_of(samples.points, row_of[vertices.of_vertex], vertices.faces, threads)
+    edges = partial(Neighbours.of, vertices.faces, row_of[vertices.of_vertex], samples.points.normals, threads)
     filled = inside & (options.interior != "mark")
     sites = Sites.alike(samples.points, edges, ONE_PLACE)
     estimates, untraced = estimate_outside(tracer, sites, filled, options)
     # Values in the order of the vertices.
     sample_of = row_of[:-1]
-    estimates = [each._replace(values=each.values[sample_of], variance=each.variance[sample_of]) for each in estimates]
+    estimates = [
+        each._replace(w=each.w[sample_of], bent=each.bent[sample_of], variance=each.variance[sample_of])
+        for each in estimates
+    ]
     values = PointValues.of(estimates, untraced, tracer.rays)
     return prepared._replace(requested_receivers=replace(vertices, flags=flags)), values
 

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -92,7 +93,8 @@ def bake_points(
     tracer = prepared.tracer(len(order))
     near = cKDTree(places[order]).query(places[order], min(NEIGHBOURS + 1, len(order)), workers=prepared.threads)[1]
     rows = np.repeat(np.arange(len(order)), near.size // max(len(order), 1))
-    sites = Sites.alike(baked, Neighbours.linked(rows, near.ravel(), baked.normals, prepared.threads), ONE_PLACE)
+    links = partial(Neighbours.linked, rows, near.ravel(), baked.normals, prepared.threads)
+    sites = Sites.alike(baked, links, ONE_PLACE)
     # Their estimates, in the order of the arguments.
     values = PointValues.of(estimate(tracer, sites, checked), 0, tracer.rays, doubts[order])
     row = np.full(len(places), -1)
@@ -126,7 +128,7 @@ def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Floa
     vertices, receivers = prepared.placement.vertices.astype(np.float64), prepared.receivers
     directions, clearance, magnitude = axes, np.ones(len(points)), np.abs(placed).max(axis=1)
     if not lifts.any():  # else each lies on its own disc
-        surface = Surface.of(vertices, receivers.faces, receivers.face_normals(vertices)[0])
+        surface = Surface.of(vertices, receivers.faces, receivers.backwards)
         directions, clearance, magnitude = directions_in_front(placed, axes, receivers.tree, surface)
     offset = np.maximum(ray_offset(directions, magnitude, clearance), lifts * prepared.placement.scale)
     origins = placed + offset[:, None] * directions

@@ -96,15 +96,16 @@ def find_corner_samples(
     starts = np.append(starts, len(face))
     positions, angle = _spread_over_corners(surface, face, corner)
 
-    number = np.full(surface.faces.shape, len(face))
+    number = np.full(surface.faces.shape, len(face), np.int32)
     number[face, corner] = np.arange(len(face))
-    flattest = surface.flat[(number == len(face)).any(axis=1)].max(initial=0.0)  # of faces not all sampled
-    extent = surface.extent[face].astype(np.float64)
+    extents, flat = surface.extents()
+    flattest = flat[(number == len(face)).any(axis=1)].max(initial=0.0)  # of faces not all sampled
+    extent = extents[face].astype(np.float64)
     has_whole = (number[face] == len(face)).any(axis=1)  # beside the sampled corner, a corner that is not sampled
     least = np.where(has_whole, np.minimum(flattest, np.maximum(NEAR, extent)), 0.0)
-    magnitude = np.maximum(np.maximum(extent, surface.flat[face]), least)
+    magnitude = np.maximum(np.maximum(extent, flat[face]), least)
     of = np.repeat(np.arange(len(face)), SPREAD)
-    normals = surface.normals[face][of]
+    normals = surface.normals(face)[of]
     origins, _ = ray_origins(tree, surface, positions, normals, np.ones(len(of)), number, of, magnitude[of])
     weights = angle / np.repeat(np.add.reduceat(angle, starts[:-1]), np.diff(starts)) / SPREAD
     hemispheres = normals if axes is None else axes[order][of]
@@ -115,9 +116,9 @@ def find_corner_samples(
 
 def _spread_over_corners(surface: Surface, face: Int64s, corner: Int64s) -> tuple[Float64s, Float64s]:
     """Positions (SPREAD c, 3) of samples in c face corners, spread over each corner's angle; the angles (c,)."""
-    here = surface.vertices[surface.faces[face, corner]]
-    ahead = surface.vertices[surface.faces[face, (corner + 1) % 3]]
-    behind = surface.vertices[surface.faces[face, (corner + 2) % 3]]
+    here, ahead, behind = (
+        surface.vertices[surface.faces[face, (corner + step) % 3]].astype(np.float64) for step in range(3)
+    )
     # The two edges of each corner, and the angle between them.
     edge_ahead = ahead - here
     edge_behind = behind - here
@@ -128,7 +129,7 @@ def _spread_over_corners(surface: Surface, face: Int64s, corner: Int64s) -> tupl
     # How far into the face: some offsets of a ray, but within its height over the corner.
     extent = np.abs(np.stack([here, ahead, behind])).max(axis=(0, 2))
     height = double / np.linalg.norm(edge_behind - edge_ahead, axis=1)
-    offset = ray_offset(surface.normals[face], extent, np.ones(len(face)))
+    offset = ray_offset(surface.normals(face), extent, np.ones(len(face)))
     inside = np.clip(_OFFSETS * offset / height, _INSIDE, _FARTHEST)
     # Points of the opposite edge at equal steps of the angle, and samples on the way there.
     theta = (np.arange(SPREAD) + 0.5) / SPREAD * angle[:, None]

@@ -10,6 +10,7 @@ from obscurance.raytrace.bvh.closest import begin, closest_on_triangle, next_lea
 from obscurance.raytrace.kernel.jit import inline
 from obscurance.raytrace.kernel.simd import lowest_bit
 from obscurance.raytrace.kernel.vector import add, divide, dot, length, load, load_triangle, scale, subtract
+from obscurance.raytrace.ray_origins.surface import front
 
 _AROUND = 7.0  # times the way from a cell's centre to its points, in which nothing may rise
 _OWN, _LEVEL = 0.25, 1e-3  # of the way in `_AROUND`: how far the cell reaches, and what is flat but for rounding
@@ -45,7 +46,7 @@ def has_near_faces(tree, stack, surface, place, reach, slope, listed):
                     f = tree.leaf_faces[leaf, lowest_bit(near)]
                     near &= near - 1
                     triangle = _relative(surface, f, point, axis, tangent)
-                    normal = _normal(load(surface.normals, f), axis, tangent)
+                    normal = _normal(front(surface, f), axis, tangent)
                     if turn == 0 and _rises(triangle, normal, level, around_cell, slope):
                         return True
                     where = _where(triangle, normal, level, (_DISC * reach, around_cell, slope, surface.rounding[f]))

@@ -8,9 +8,9 @@ import numpy as np
 from obscurance.raytrace.kernel.jit import inline
 from obscurance.raytrace.kernel.vector import add, dot, length, load, load_triangle, scale, store, subtract, unit
 from obscurance.raytrace.mesh.weld import CREASE
-from obscurance.raytrace.ray_origins.surface import Surface
+from obscurance.raytrace.ray_origins.surface import Surface, front
 from obscurance.raytrace.system.parallel import each
-from obscurance.raytrace.types import Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
+from obscurance.raytrace.types import AnyInts, Float32Rows, Float32s, Float64Rows, Float64s, Int32Rows, Int32s, Int64s
 
 from .receivers import Receivers
 
@@ -62,7 +62,7 @@ class VertexAxes(NamedTuple):
     normals: Float64Rows
 
     @classmethod
-    def of(cls, receivers: Receivers, points: Int64s) -> Self:
+    def of(cls, receivers: Receivers, points: AnyInts) -> Self:
         """Those at some of the receivers' points (n,), zero for −1."""
         vectors = receivers.points.normals, receivers.surface_normals
         none = np.zeros((1, 3), np.float32)
@@ -78,7 +78,7 @@ class SmoothSurface(NamedTuple):
     @classmethod
     def of(cls, vertices: Float64s, receivers: Receivers) -> Self:
         """The faces of `receivers` over `vertices` (n, 3)."""
-        faces = Surface.of(vertices, receivers.faces, receivers.face_normals(vertices)[0])
+        faces = Surface.of(vertices, receivers.faces, receivers.backwards)
         return cls(VertexAxes.of(receivers, receivers.of_vertex), faces)
 
     def positions_at(self, face: Int32s, barycentric: Float32s, threads: int) -> Float32s:
@@ -100,8 +100,8 @@ def _interpolate(
     i: int,
     face: Int32s,
     barycentric: Float32Rows,
-    vertices: Float64Rows,
-    faces: Int64Rows,
+    vertices: Float32Rows | Float64Rows,
+    faces: Int32Rows,
     positions: Float32Rows,
 ) -> None:
     """Write the positions of points on faces, by their barycentric coordinates."""
@@ -121,7 +121,7 @@ def point_on(surface, vertex_axes, f, barycentric):
     p = _interpolated(surface.vertices, surface.faces, f, barycentric)
     axis = _interpolated(vertex_axes.axes, surface.faces, f, barycentric)
     smooth = _interpolated(vertex_axes.normals, surface.faces, f, barycentric)
-    normal = load(surface.normals, f)
+    normal = front(surface, f)
     size = length(axis)
     cosine = dot(axis, normal)
     is_own = axis == smooth

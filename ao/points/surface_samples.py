@@ -51,7 +51,8 @@ class SurfaceSamples:
         lifts = np.empty((count, 3), np.float32)
         geometric_normals = np.empty((count, 5), np.float32)
         faces = surface.surface
-        face_points = np.repeat(np.arange(len(faces.faces))[:, None], 3, axis=1)  # each face is by itself
+        numbers = np.arange(len(faces.faces), dtype=np.int32)
+        face_points = np.repeat(numbers[:, None], 3, axis=1)  # each face is by itself
         magnitude = faces.magnitudes(face_points, len(faces.faces))
 
         def place_some(start: int, stop: int) -> None:

@@ -50,7 +50,7 @@ def _across_seams(surface: UVSurface, row_of: Int32s, count: int) -> tuple[Int64
     return here, there
 
 
-def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int64s, most: float) -> Float64s:
+def _texel_sizes(uv: Float64s, vertices: Float64s, faces: Int32s, most: float) -> Float64s:
     """The size (m,) of a texel on each face, in render space, `most` at most."""
     corners = vertices[faces]
     first_edge = corners[:, 1] - corners[:, 0]

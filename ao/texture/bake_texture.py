@@ -189,9 +189,8 @@ def bake_page(options: TextureArguments) -> BakedTexture:
     tracer = prepared.sample_tracer(
         SampleMeans(texels.samples, partial(sampler.elsewhere, texels)), "texture", options.checkpoint
     )
-    beside = texel_neighbours(surface, texels, prepared.placement.diagonal, prepared.threads)
+    beside = partial(texel_neighbours, surface, texels, prepared.placement.diagonal, prepared.threads)
     estimates = estimate(tracer, Sites(texels.points, beside, texels.kinds, texels.stands_for), options)
-    del beside
     # The pages, seams closed and the rest filled.
     watch(0, 1, "seams")
     assembly = PageAssembly(surface.layout, texels, surface.seams, shown, prepared.threads)

@@ -116,7 +116,7 @@ class PageAssembly:
         error = np.zeros(shape, np.float32)
         bent = np.zeros((*shape, 3), np.float32)
         covered = np.zeros(shape, np.bool_)
-        values = np.ascontiguousarray(estimate.values), estimate.variance, self.texels.points.normals
+        values = np.column_stack([estimate.w, estimate.bent]), estimate.variance, self.texels.points.normals
         flat = w.ravel(), error.ravel(), bent.reshape(-1, 3), covered.ravel()
         _spread.on(self.threads)(self.texels.texels, values, frames, flat)
         # Seams closed, and the rest of the page filled from what is covered and what is next to that.

@@ -31,7 +31,7 @@ def _corner_normals(surface: UVSurface) -> Float64s:
     """Smooth normals (m, 3, 3) at the corners of faces, or the face's where a vertex has none."""
     smooth = surface.smooth
     axes = smooth.axes.axes[surface.receivers.faces]
-    of_faces = np.broadcast_to(smooth.surface.normals[:, None], axes.shape)
+    of_faces = np.broadcast_to(smooth.surface.normals(np.arange(len(axes)))[:, None], axes.shape)
     return np.where(axes.any(axis=2, keepdims=True), axes, of_faces)
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from obscurance.raytrace.mesh.mesh import Mesh
-from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.weld import connected_components
-from obscurance.raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Float64s, Int64s
 
 from ..points.receivers import Receivers, find_receivers
 from ..points.smooth_surface import SmoothSurface
@@ -43,12 +43,12 @@ class UVSurface:
         """
         placement = Placement.of(mesh)
         receivers, vertices = prepared.receivers, placement.vertices.astype(np.float64)
-        uv = uv[face_normals(vertices, mesh.faces)[1] > 0]
+        uv = uv[face_areas(vertices, mesh.faces) > 0]
         if mesh is not prepared.mesh:
             receivers = find_receivers(mesh, placement, prepared.options.normals)
             vertices = (mesh.vertices - prepared.placement.centre) * prepared.placement.scale
         layout = UVLayout.of(uv, size, wrap, mesh.source)
-        points = np.where(on_page(uv)[:, None], receivers.of_vertex[receivers.faces], -1)
+        points = np.where(on_page(uv)[:, None], receivers.of_vertex[receivers.faces], np.int64(-1))
         return cls(vertices, receivers, layout, points)
 
     @cached_property
@@ -58,7 +58,7 @@ class UVSurface:
     @property
     def areas(self) -> Float64s:
         """The areas of the faces (m',)."""
-        return face_normals(self.vertices, self.receivers.faces)[1]
+        return face_areas(self.vertices, self.receivers.faces)
 
     @cached_property
     def charts(self) -> Int64s:
@@ -80,7 +80,7 @@ class UVSurface:
         return Shown.near(self.seams, coverage, self.areas, threads)
 
 
-def corner_places(uv: Float64s, points: Int64s) -> Int64s:
+def corner_places(uv: Float64s, points: AnyInts) -> Int64s:
     """A number (m, 3) for each corner, equal where corners share both a welded point and a place in texels.
 
     Args:

@@ -13,18 +13,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernel.arrays import aligned
+from ..kernel.arrays import aligned, give_memory_back
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, load_row, pick
 from ..kernel.vector import load_triangle
 from ..system.parallel import each
 from ..system.threads import run_blocks, thread_count
-from ..types import Float32Grid, Float32Rows, Float32s, Int32Rows, Int32s, Int64Rows, Int64s
+from ..types import Float32Grid, Float32Rows, Float32s, Int32Rows, Int32s, Int64s
 from .oriented import orient
 
 _GROWN = np.float32(1.0 + 2.0**-20)  # half sides, for their rounding
 _LEAST, _PARTS = 1 << 12, 16  # triangles of a part that one thread orders, and how many parts there are at least
 _STACK = 1 << 7
+_LARGE = 1 << 24  # bytes of triangles that are worth letting go
 _ROW = WIDE // 4  # triangles whose records are a row of lanes
 
 
@@ -47,13 +48,16 @@ class BVH16(NamedTuple):
     axes: Float32Grid | None
 
     @classmethod
-    def of(cls, vertices: Float32s, faces: Int64s) -> BVH16:
+    def of(cls, vertices: Float32s, faces: Int32s) -> BVH16:
         """The tree over `faces` (m, 3) of `vertices` (n, 3)."""
         order = median_order(vertices, faces)
         leaves = max(-(-len(faces) // WIDE), 1)
+        leaf_faces = np.full((leaves, WIDE), -1, np.int32)
+        leaf_faces.ravel()[: len(order)] = order
+        del order
         triangles = aligned((leaves, 9, WIDE), np.float32)
         bounds = np.empty((leaves, 6), np.float32)
-        _fill_leaves(vertices, faces, order, triangles, bounds)
+        _fill_leaves(vertices, faces, leaf_faces, triangles, bounds)
         levels = []
         starts = [0]
         while True:
@@ -64,31 +68,62 @@ class BVH16(NamedTuple):
                 break
         boxes = aligned((starts[-1], 6, WIDE), np.float32)
         np.concatenate(levels, out=boxes)
-        leaf_faces = np.full((leaves, WIDE), -1, np.int32)
-        leaf_faces.ravel()[: len(order)] = order
         return cls(triangles, leaf_faces, *orient(triangles, boxes, np.array(starts)))
+
+
+class Hierarchy:
+    """A tree whose triangles, most of its memory, can be let go and are written again when it is next asked for.
+
+    Whoever has the tree meanwhile keeps it whole.
+    """
+
+    def __init__(self, tree: BVH16, vertices: Float32s, faces: Int32s) -> None:
+        """Args: tree: over `faces` (m, 3) of `vertices` (n, 3)."""
+        self._tree = tree
+        self._surface = vertices, faces
+
+    @property
+    def tree(self) -> BVH16:
+        """The whole tree."""
+        tree = self._tree
+        if not len(tree.triangles):
+            give_memory_back()
+            triangles = aligned((len(tree.leaf_faces), 9, WIDE), np.float32, zeroed=False)
+            _fill_leaves(*self._surface, tree.leaf_faces, triangles, None)
+            tree = self._tree = tree._replace(triangles=triangles)
+        return tree
+
+    def release(self) -> None:
+        """Let go of the triangles, if they are many."""
+        if self._tree.triangles.nbytes > _LARGE:
+            self._tree = self._tree._replace(triangles=np.empty((0, 9, WIDE), np.float32))
+            give_memory_back()
 
 
 @each("triangles", 1 << 7)
 def _fill_leaves(
     leaf: int,
     vertices: Float32Rows,
-    faces: Int64Rows,
-    order: Int32s,
+    faces: Int32Rows,
+    leaf_faces: Int32Rows,
     triangles: Float32Grid,
-    bounds: Float32Rows,
+    bounds: Float32Rows | None,
 ) -> None:
     """Write triangles into leaves, and the low and high corners of the boxes around these into `bounds` (leaves, 6)."""
     triangles[leaf] = np.nan
-    bounds[leaf, :3], bounds[leaf, 3:] = np.inf, -np.inf
-    for lane in range(min(WIDE, len(order) - leaf * WIDE)):
-        corners = faces[order[leaf * WIDE + lane]]
+    if bounds is not None:
+        bounds[leaf, :3], bounds[leaf, 3:] = np.inf, -np.inf
+    for lane in range(WIDE):
+        f = leaf_faces[leaf, lane]
+        if f < 0:
+            continue
         for corner in range(3):
             for axis in range(3):
-                x = vertices[corners[corner], axis]
+                x = vertices[faces[f, corner], axis]
                 triangles[leaf, 3 * corner + axis, lane] = x
-                bounds[leaf, axis] = min(bounds[leaf, axis], x)
-                bounds[leaf, 3 + axis] = max(bounds[leaf, 3 + axis], x)
+                if bounds is not None:
+                    bounds[leaf, axis] = min(bounds[leaf, axis], x)
+                    bounds[leaf, 3 + axis] = max(bounds[leaf, 3 + axis], x)
 
 
 def _level_around(bounds: Float32s) -> tuple[Float32s, Float32s]:
@@ -104,7 +139,7 @@ def _level_around(bounds: Float32s) -> tuple[Float32s, Float32s]:
     return np.concatenate([centre, half], axis=1), np.concatenate(parents, axis=1)
 
 
-def median_order(vertices: Float32s, faces: Int64s) -> Int32s:
+def median_order(vertices: Float32s, faces: Int32s) -> Int32s:
     """The order (m,) of `faces` (m, 3) of `vertices` (n, 3): each part is split at the median along its longest
     axis."""
     # A record is a centroid and the number of its face, moved together; unused ones of the last row compare as false.
@@ -147,7 +182,7 @@ _middle_of = inline(_middle)
 
 
 @each("faces")
-def _find_centroids(f: int, vertices: Float32Rows, faces: Int64Rows, records: Float32Rows, numbers: Int32Rows) -> None:
+def _find_centroids(f: int, vertices: Float32Rows, faces: Int32Rows, records: Float32Rows, numbers: Int32Rows) -> None:
     """Write three times the centroid of each face, and its number."""
     a, b, c = load_triangle(vertices, faces, f)
     for axis in range(3):

@@ -20,7 +20,7 @@ from ..kernel.jit import inline, kernel
 from ..kernel.simd import WIDE, bits, load_row, lowest_bit
 from ..kernel.vector import add, cross, dot, length, load, load_triangle, scale, subtract
 from ..system.threads import run_blocks
-from ..types import Float32Rows, Float32s, Float64Rows, Float64s, Int64Rows, Int64s
+from ..types import Float32Rows, Float32s, Float64Rows, Float64s, Int32Rows, Int32s, Int64Rows, Int64s
 from .bvh16 import BVH16
 from .oriented import box_offsets
 
@@ -34,7 +34,7 @@ _NODE, _LEVEL = range(2)  # columns; the last row has how many wait
 
 def closest_points(
     tree: BVH16,
-    surface: tuple[Float64s, Int64s],
+    surface: tuple[Float64s, Int32s],
     points: Float64s,
     radius: float,
     match: tuple[Int64s, Int64s],
@@ -114,7 +114,7 @@ def closest_on_triangle(p, a, b, c):
 def _search(
     tree: BVH16,
     stack: Int64Rows,
-    surface: tuple[Float64Rows, Int64Rows],
+    surface: tuple[Float64Rows, Int32Rows],
     points: Float64Rows,
     radius: float,
     farther: bool,

@@ -4,7 +4,9 @@ OpenBLAS multiplies a few thousand rows on threads that go on spinning for some 
 cores that rays are traced on meanwhile: bakes take up to twice as long.
 """
 
+import ctypes
 import math
+import os
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,13 @@ def aligned(shape: tuple[int, ...], dtype: npt.DTypeLike, zeroed: bool = True) -
     raw = (np.zeros if zeroed else np.empty)(size + 80, np.uint8)
     start = -raw.ctypes.data % 64
     return raw[start : start + size].view(dtype).reshape(shape)
+
+
+def give_memory_back() -> None:
+    """Return the pages of freed arrays to the system, which the C library keeps for later ones, where it can."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if os.name == "posix" else None
+    if trim:
+        trim(0)
 
 
 def counting_sort(keys: Int32s | Int64s, count: int) -> tuple[Int64s, Int64s]:

@@ -5,13 +5,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..types import Float64s, Int64s
+from ..types import AnyInts, Float64s, Int64s
 from .mesh import Mesh, PerCorner
 from .normals import corner_normals
 from .weld import first_alike
 
 
-def unique_rows(columns: Sequence[Int64s]) -> tuple[Int64s, Int64s]:
+def unique_rows(columns: Sequence[AnyInts]) -> tuple[Int64s, Int64s]:
     """The first row (k,) of each kind, in ascending order of the columns (n,), and the kind (n,) of each row."""
     keys = np.stack(columns, axis=1)
     alike = first_alike(keys)
@@ -23,7 +23,7 @@ def unique_rows(columns: Sequence[Int64s]) -> tuple[Int64s, Int64s]:
 
 
 def split_corners(
-    corners: Int64s, places: Int64s, several: list[PerCorner], keep: int
+    corners: AnyInts, places: Int64s, several: list[PerCorner], keep: int
 ) -> tuple[Int64s, Int64s, Int64s]:
     """One vertex for every combination of a vertex with what its corners have; of `keep` vertices all come first.
 
@@ -32,7 +32,7 @@ def split_corners(
     """
     flat = places.ravel()
     example, inverse = unique_rows([corners[flat], *(values.of[flat] for values in several)])
-    vertices = corners[flat[example]]
+    vertices = corners[flat[example]].astype(np.int64)
     if not keep:
         return vertices, inverse.reshape(-1, 3), flat[example]
     repeated = np.concatenate([[False], vertices[1:] == vertices[:-1]])

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ..errors import MeshError, OptionError
 from ..system.parallel import each
-from ..types import Bools, Float64s, Int64Rows, Int64s
+from ..types import AnyInts, Bools, Float64s, Int32Rows, Int32s, Int64s
 from .opacity import Opacity
 from .smallest_ball import smallest_ball
 
@@ -31,15 +31,16 @@ TO_Y_UP: dict[str, tuple[Vector, Vector, Vector]] = {
 UP = {name: axes[1] for name, axes in TO_Y_UP.items()}
 """The axes that may be up, by their names."""
 LARGEST = 5e153  # squares of coordinates and their differences don't overflow
+MOST = 1 << 31  # vertices
 
 
 class PerCorner(NamedTuple):
-    """Values (k, w) of the corners of polygons, and which of them each corner has: `of`, int64, of any shape."""
+    """Values (k, w) of the corners of polygons, and which of them each corner has: `of`, integers, of any shape."""
 
     values: Float64s
-    of: Int64s
+    of: AnyInts
 
-    def at_vertices(self, corners: Int64s, count: int, elsewhere: float = 0.0) -> Float64s | None:
+    def at_vertices(self, corners: AnyInts, count: int, elsewhere: float = 0.0) -> Float64s | None:
         """The values by vertex (count, w), `elsewhere` where no corner is; None if some vertex has several."""
         at_corners = self.values[self.of]
         by_vertex = np.full((count, self.values.shape[1]), elsewhere)
@@ -53,7 +54,7 @@ class Mesh:
 
     Attributes:
         vertices: float64 (n, 3), within ±5e153, n ≥ 1. Any length unit.
-        faces: int64 (m, 3), m ≥ 1, indices into `vertices`. Degenerate and doubled faces are allowed.
+        faces: int32 (m, 3), m ≥ 1, indices into `vertices`. Degenerate and doubled faces are allowed.
         normals: float64 (n, 3), the source's own vertex normals of any length (zero or NaN: none there), or None.
         corner_normals: in their place, where corners of one vertex have several: a pair of float64 (k, 3), of any
             length, and int64 (m, 3), which of them each corner has; or None.
@@ -69,7 +70,7 @@ class Mesh:
     """
 
     vertices: Float64s
-    faces: Int64s
+    faces: Int32s
     normals: Float64s | None = None
     source: str = field(default="mesh", kw_only=True)
     up: str | None = field(default=None, kw_only=True)
@@ -93,11 +94,13 @@ class Mesh:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "vertices", self._array("vertices", self.vertices, np.float64))
-        object.__setattr__(self, "faces", self._array("faces", self.faces, np.int64))
-        last = len(self.vertices) - 1
-        self._check_range("vertices", -LARGEST, LARGEST, f"finite coordinates up to {LARGEST:g}")
-        self._check_range("faces", 0, last, f"indices from 0 to {last}")
+        vertices = self._array("vertices", self.vertices, np.float64)
+        last = min(len(vertices), MOST) - 1
+        self._check_range("vertices", vertices, -LARGEST, LARGEST, f"finite coordinates up to {LARGEST:g}")
+        faces = self._array("faces", self.faces)
+        self._check_range("faces", faces, 0, last, f"indices from 0 to {last}")
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "faces", _read_only(faces.astype(np.int32, copy=False)))
         if self.normals is not None:
             normals = self._array("normals", self.normals, np.float64)
             if len(normals) != len(self.vertices):
@@ -108,36 +111,37 @@ class Mesh:
         if self.up is not None and self.up not in UP:
             raise MeshError(self.source, "up", "one of " + ", ".join(UP), repr(self.up))
         if self.opacity is not None:
-            faces = len(self.opacity.of) if isinstance(self.opacity, Opacity) else repr(self.opacity)
-            if faces != len(self.faces):
-                raise MeshError(self.source, "opacity", f"a raytrace.Opacity of {len(self.faces)} faces", faces)
+            got = len(self.opacity.of) if isinstance(self.opacity, Opacity) else repr(self.opacity)
+            if got != len(self.faces):
+                raise MeshError(self.source, "opacity", f"a raytrace.Opacity of {len(self.faces)} faces", got)
         if self.polygons is not None:
             polygons = np.array(self.polygons)
             if polygons.shape != (len(self.faces),) or polygons.dtype.kind not in "iu":
-                got = f"shape {polygons.shape} of {polygons.dtype}"
-                raise MeshError(self.source, "polygons", f"{len(self.faces)} integers, one a face", got)
-            polygons = polygons.astype(np.int64)
-            polygons.flags.writeable = False
-            object.__setattr__(self, "polygons", polygons)
+                kind = f"shape {polygons.shape} of {polygons.dtype}"
+                raise MeshError(self.source, "polygons", f"{len(self.faces)} integers, one a face", kind)
+            object.__setattr__(self, "polygons", _read_only(polygons.astype(np.int64)))
 
     def __repr__(self) -> str:
         return f"<Mesh {self.source!r}: {len(self.vertices):,} vertices, {len(self.faces):,} faces>"
 
-    def _check_range(self, name: str, least: float, most: float, expected: str) -> None:
+    def _check_range(self, name: str, values: npt.NDArray[Any], least: float, most: float, expected: str) -> None:
         """Check that all of an array's values are in [least, most]. Raises: MeshError naming the first bad row."""
-        values = getattr(self, name)
         if not (values.min() >= least and values.max() <= most):
             bad = ~((values >= least) & (values <= most)).all(axis=1)
             row = int(np.argmax(bad))
             raise MeshError(self.source, f"{name}[{row}]", expected, f"{values[row]} ({bad.sum()} such)")
 
-    def _array(self, name: str, values: Any, dtype: type[np.generic]) -> npt.NDArray[Any]:
-        """A read-only copy (…, 3) of an attribute's values. Raises: MeshError: another shape or type, or no rows."""
+    def _array(self, name: str, values: Any, dtype: type[np.float64] | None = None) -> npt.NDArray[Any]:
+        """A read-only copy (…, 3) of an attribute's values. Raises: MeshError: another shape or type, or no rows.
+
+        Args: dtype: of the copy; None: they are integers, and stay of their type.
+        """
         try:
             array = np.array(values, order="C")  # kernels are compiled for each layout
-            if dtype is np.int64 and array.size and not np.issubdtype(array.dtype, np.integer):
+            if dtype:
+                array = array.astype(dtype, copy=False)
+            elif array.size and not np.issubdtype(array.dtype, np.integer):
                 raise MeshError(self.source, name, "integers", array.dtype)
-            array = array.astype(dtype, copy=False)
         except MeshError:
             raise
         except (TypeError, ValueError) as reason:
@@ -146,13 +150,13 @@ class Mesh:
             raise MeshError(self.source, name, "shape (…, 3)", array.shape)
         if len(array) == 0:
             raise MeshError(self.source, name, "at least one", "none")
-        array.flags.writeable = False
-        return array
+        return _read_only(array)
 
     def _corner_normals(self, values: Any, of: Any) -> PerCorner:
         """`corner_normals`, checked. Raises: MeshError: as the class."""
         name = "corner_normals"
-        normals = PerCorner(self._array(name, values, np.float64), self._array(name, of, np.int64))
+        rows = self._array(name, of)
+        normals = PerCorner(self._array(name, values, np.float64), _read_only(rows.astype(np.int64, copy=False)))
         if self.normals is not None:
             raise MeshError(self.source, name, "no normals of vertices besides", "both")
         if normals.of.shape != self.faces.shape or not 0 <= normals.of.min() <= normals.of.max() < len(normals.values):
@@ -198,7 +202,12 @@ class Mesh:
         return smallest_ball(self.used)[1]
 
 
-def corner_mask(faces: Int64s, count: int) -> Bools:
+def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    array.flags.writeable = False
+    return array
+
+
+def corner_mask(faces: Int32s, count: int) -> Bools:
     """Which of `count` vertices are corners of `faces` (m, 3)."""
     mask = np.zeros(count, np.bool_)
     _mark_corners(faces, mask)
@@ -206,7 +215,7 @@ def corner_mask(faces: Int64s, count: int) -> Bools:
 
 
 @each("faces")
-def _mark_corners(f: int, faces: Int64Rows, mask: Bools) -> None:
+def _mark_corners(f: int, faces: Int32Rows, mask: Bools) -> None:
     """Set `mask` (n,) at the corners of the faces from `start` to `stop`."""
     for k in range(3):
         mask[faces[f, k]] = True

@@ -14,9 +14,9 @@ import numpy as np
 
 from ..kernel.arrays import counting_sort
 from ..kernel.jit import inline, kernel
-from ..kernel.vector import cross, divide, dot, length, load, load_triangle, store, subtract
+from ..kernel.vector import cross, divide, dot, length, load, load_triangle, scale, store, subtract
 from ..system.parallel import each, parallel
-from ..types import AnyInts, Bools, Float32s, Float64Rows, Float64s, Int64Rows, Int64s
+from ..types import AnyFloats, AnyInts, Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int32Rows, Int32s, Int64s
 from .mesh import Mesh, PerCorner
 from .placement import Placement
 from .weld import CREASE, connect, cosine, renumber_components, sum_groups, weld
@@ -40,38 +40,51 @@ def nonzero(vectors: Float64s | Bools) -> Bools:
     return np.asarray((x != 0) | (y != 0) | (z != 0))
 
 
-def face_normals(vertices: Float64s, faces: AnyInts) -> tuple[Float64s, Float64s]:
-    """Unit normals (m, 3) and areas (m,) of triangles; both zero for a degenerate face.
+def face_normals(vertices: AnyFloats, faces: AnyInts) -> tuple[Float64s, Float64s]:
+    """Unit normals (m, 3) and areas (m,) of triangles, as `normal_and_area` has them."""
+    normals = np.empty((len(faces), 3))
+    return normals, _measured(vertices, faces, normals)
 
-    A face is degenerate when its area is zero to rounding: below 4 ulp of the product of its two longest edges.
-    """
-    normals = np.zeros((len(faces), 3))
-    areas = np.zeros(len(faces))
-    vertices = np.ascontiguousarray(vertices, np.float64)
-    _face_normals(vertices, np.ascontiguousarray(faces, np.int64), normals, areas)
-    return normals, areas
+
+def face_areas(vertices: AnyFloats, faces: AnyInts) -> Float64s:
+    """Areas (m,) of triangles, zero for degenerate faces."""
+    return _measured(vertices, faces, None)
+
+
+def _measured(vertices: AnyFloats, faces: AnyInts, normals: Float64s | None) -> Float64s:
+    """`face_areas`. Args: normals: to be written, too."""
+    areas = np.empty(len(faces))
+    _measure(_rows(vertices), np.ascontiguousarray(faces, np.int32), normals, areas)
+    return areas
 
 
 def vertex_sums(
-    vertices: Float64s, faces: AnyInts, normals: Float64s, areas: Float64s, weighting: Weighting = "angle"
+    vertices: AnyFloats, faces: AnyInts, weighting: Weighting = "angle", backwards: Bools | None = None
 ) -> Float64s:
     """Weighted sums (n, 3) of the unit face normals at each vertex, zero where they cancel to rounding.
 
-    Args: weighting: equal (12.31), area (12.32), or interior angle (12.33: as it is when a face is cut up).
+    Args:
+        weighting: equal (12.31), area (12.32), or interior angle (12.33: as it is when a face is cut up).
+        backwards: bool (m,), the faces whose normals count reversed; None: none.
     """
     sums = np.zeros((len(vertices), 3))
-    vertices = np.ascontiguousarray(vertices, np.float64)
-    corners = np.ascontiguousarray(faces, np.int64)
-    _vertex_sums(vertices, corners, normals, areas, ("angle", "area", "equal").index(weighting), sums)
+    corners = np.ascontiguousarray(faces, np.int32)
+    _vertex_sums(_rows(vertices), corners, backwards, ("angle", "area", "equal").index(weighting), sums)
     return sums
 
 
-def vertex_normals(vertices: Float64s, faces: AnyInts, weighting: Weighting = "angle") -> Float64s:
+def _rows(vertices: AnyFloats) -> AnyFloats:
+    """Vertices as kernels take them: what is no float32 as float64."""
+    single = getattr(vertices, "dtype", None) == np.float32
+    return np.ascontiguousarray(vertices, np.float32 if single else np.float64)
+
+
+def vertex_normals(vertices: AnyFloats, faces: AnyInts, weighting: Weighting = "angle") -> Float64s:
     """Unit vertex normals (n, 3); zero where no usable face meets the vertex or its faces cancel out.
 
     Args: vertices (n, 3) float64, any unit; faces (m, 3) indices.
     """
-    return normalize(vertex_sums(vertices, faces, *face_normals(vertices, faces), weighting))
+    return normalize(vertex_sums(vertices, faces, weighting))
 
 
 @each("vectors")
@@ -91,9 +104,22 @@ def normalized(v):
 
 
 @each("faces")
-def _face_normals(f: int, vertices: Float64Rows, faces: Int64Rows, normals: Float64Rows, areas: Float64s) -> None:
-    """Write `face_normals` of the faces from `start` to `stop`; rows of degenerate ones stay zero."""
-    i, j, k = load_triangle(vertices, faces, f)
+def _measure(
+    f: int, vertices: Float32Rows | Float64Rows, faces: Int32Rows, normals: Float64Rows | None, areas: Float64s
+) -> None:
+    """Write `face_normals`, or without `normals` `face_areas`."""
+    normal, areas[f] = normal_and_area(load_triangle(vertices, faces, f))
+    if normals is not None:
+        store(normals, f, normal)
+
+
+@inline
+def normal_and_area(corners):
+    """The unit normal and the area of a triangle; both zero for a degenerate one.
+
+    It is degenerate when its area is zero to rounding: below 4 ulp of the product of its two longest edges.
+    """
+    i, j, k = corners
     a = subtract(j, i)
     b = subtract(k, j)
     c = subtract(i, k)
@@ -105,36 +131,40 @@ def _face_normals(f: int, vertices: Float64Rows, faces: Int64Rows, normals: Floa
     shortest = min(aa, bb, cc)
     longest_two = np.sqrt(aa * bb if shortest == cc else (bb * cc if shortest == aa else cc * aa))
     if double_area > 4.0 * EPSILON * longest_two:
-        areas[f] = 0.5 * double_area
-        store(normals, f, divide(normal, double_area))
+        return divide(normal, double_area), 0.5 * double_area
+    return (0.0, 0.0, 0.0), 0.0
 
 
 @parallel("sums", alone=True)
 def _vertex_sums(
     start: int,
     stop: int,
-    vertices: Float64Rows,
-    faces: Int64Rows,
-    normals: Float64Rows,
-    areas: Float64s,
+    vertices: Float32Rows | Float64Rows,
+    faces: Int32Rows,
+    backwards: Bools | None,
     weighting: int,
     sums: Float64Rows,
 ) -> None:
     """Write `vertex_sums` of the vertices from `start` to `stop`; rounding is relative to the sum of the weights."""
     magnitude = np.zeros(stop - start)
     for f in range(len(faces)):
+        if not (start <= faces[f, 0] < stop or start <= faces[f, 1] < stop or start <= faces[f, 2] < stop):
+            continue
+        normal, area = normal_and_area(load_triangle(vertices, faces, f))
+        if backwards is not None:
+            normal = scale(-1.0, normal) if backwards[f] else normal
         for corner in range(3):
             i = faces[f, corner]
-            if start <= i < stop and areas[f] > 0.0:
-                weight = areas[f] if weighting == 1 else 1.0  # (12.32), (12.31)
+            if start <= i < stop and area > 0.0:
+                weight = area if weighting == 1 else 1.0  # (12.32), (12.31)
                 if weighting == 0:  # (12.33)
                     here = load(vertices, i)
                     ahead = load(vertices, faces[f, (corner + 1) % 3])
                     behind = load(vertices, faces[f, (corner + 2) % 3])
-                    weight = np.arctan2(2.0 * areas[f], dot(subtract(ahead, here), subtract(behind, here)))
+                    weight = np.arctan2(2.0 * area, dot(subtract(ahead, here), subtract(behind, here)))
                 magnitude[i - start] += weight
                 for axis in range(3):
-                    sums[i, axis] += weight * normals[f, axis]
+                    sums[i, axis] += weight * normal[axis]
     for i in range(start, stop):
         if max(abs(sums[i, 0]), abs(sums[i, 1]), abs(sums[i, 2])) <= 1e-12 * magnitude[i - start]:
             sums[i] = 0.0
@@ -176,13 +206,12 @@ def own_vertex_normals(mesh: Mesh) -> Float64s | None:
     return by_vertex
 
 
-def smooth_normals(vertices: Float32s, faces: Int64s, weighting: Weighting) -> Float64s:
+def smooth_normals(vertices: Float32s, faces: Int32s, weighting: Weighting) -> Float64s:
     """Unit vertex normals (n, 3), or zero, one where vertices at one place have normals within 30°.
 
     Args: vertices: (n, 3), in render space.
     """
-    placed = vertices.astype(np.float64)
-    sums = vertex_sums(placed, faces, *face_normals(placed, faces), weighting)
+    sums = vertex_sums(vertices, faces, weighting)
     group = weld(vertices, faces, normalize(sums), CREASE)
     return normalize(sum_groups(group, sums))[group]
 
@@ -218,7 +247,7 @@ def _fan_normals(mesh: Mesh) -> PerCorner:
     renumber_components(fan)
     # Fans whose mean normals agree share one.
     corners = vertices[faces.ravel()].astype(np.float64)
-    sums = sum_groups(fan, vertex_sums(corners, np.arange(faces.size).reshape(-1, 3), across, areas))
+    sums = sum_groups(fan, vertex_sums(corners, np.arange(faces.size).reshape(-1, 3)))
     first_corner = np.flatnonzero(np.diff(np.maximum.accumulate(fan), prepend=-1))
     group = weld(vertices[faces.ravel()[first_corner]], fan.reshape(-1, 3), normalize(sums), CREASE)
     of = group[fan].reshape(-1, 3)

@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import OptionError, check_type, numbers
 from ..image.texture_lookup import blend, four_texels
 from ..kernel.jit import inline, kernel
-from ..types import Bools, Float32Rows, Float64Grid, Float64Rows, Float64s, Int64Rows, Int64s
+from ..types import AnyInts, Bools, Float32Rows, Float64Grid, Float64Rows, Float64s, Int64Rows, Int64s
 
 if TYPE_CHECKING:
     from ..image.texture import Texture
@@ -128,7 +128,7 @@ class Opacity:
         return "alpha: {cut_out:,} faces cut out, {blended:,} blended".format(**self.counts)
 
     @classmethod
-    def uniform(cls, surface: AlphaSurface, faces: Int64s, uv: Float64s | None = None) -> Opacity:
+    def uniform(cls, surface: AlphaSurface, faces: AnyInts, uv: Float64s | None = None) -> Opacity:
         """The opacity of faces (m, 3) that all have one surface. Args: uv: (n, 2), of the vertices."""
         return cls(np.zeros(len(faces), np.int64), (surface,), None if uv is None else uv[faces])
 

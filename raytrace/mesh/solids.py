@@ -5,16 +5,16 @@ import numpy as np
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
 from ..system.parallel import each
-from ..types import Bools, Float32Rows, Float32s, Float64s, Int64Rows, Int64s, UInt64s
+from ..types import Bools, Float32Rows, Float32s, Float64s, Int32Rows, Int32s, Int64Rows, Int64s, UInt64s
 from .mesh import Mesh
-from .normals import face_normals
+from .normals import face_areas
 from .placement import Placement
 from .weld import coincident, connected_components
 
 _MOST_WORK = 1 << 27  # solid angles of faces; where it would take more, what a box encloses counts as enclosed
 
 
-def closed_parts(vertices: Float32s, faces: Int64s, alone: bool = True) -> tuple[Int64s, Float64s]:
+def closed_parts(vertices: Float32s, faces: Int32s, alone: bool = True) -> tuple[Int64s, Float64s]:
     """The connected part (n,) of each vertex, and six times the signed volume (p,) of each part, 0 of open ones.
 
     Vertices at the same place are one. At every edge of a closed part as many faces run one way as the other. The
@@ -33,7 +33,7 @@ def closed_parts(vertices: Float32s, faces: Int64s, alone: bool = True) -> tuple
     return part[representative], np.where(sums == 0, volume, 0.0)
 
 
-def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int, float]:
+def inward_looking(vertices: Float32s, faces: Int32s) -> tuple[int, int, float]:
     """How many closed parts look inwards that are no cavities, how many closed parts there are, and the share of the
     mesh's area that those which look inwards have.
 
@@ -47,7 +47,7 @@ def inward_looking(vertices: Float32s, faces: Int64s) -> tuple[int, int, float]:
     part, volume = closed_parts(vertices, faces)
     of_face = part[faces[:, 0]]
     inward = (volume < 0) & ~_are_enclosed(vertices, faces, of_face, volume)
-    _, areas = face_normals(vertices.astype(np.float64), faces)
+    areas = face_areas(vertices, faces)
     share = areas[inward[of_face]].sum() / max(areas.sum(), 1e-300)
     return int(np.count_nonzero(inward)), int(np.count_nonzero(volume)), float(share)
 
@@ -62,7 +62,7 @@ def inward_warnings(mesh: Mesh, vertices: Float32s | None = None) -> list[str]:
     return [f"{mesh.source}: {subject} inwards, so the inside is baked: {remedy}"]
 
 
-def _are_enclosed(vertices: Float32s, faces: Int64s, of_face: Int64s, volume: Float64s) -> Bools:
+def _are_enclosed(vertices: Float32s, faces: Int32s, of_face: Int64s, volume: Float64s) -> Bools:
     """Which parts (p,) of negative volume lie within parts that look outwards. Args: of_face: (m,), parts."""
     enclosed = np.zeros(len(volume), np.bool_)
     outward, inward = np.flatnonzero(volume > 0), np.flatnonzero(volume < 0)
@@ -91,7 +91,7 @@ def _are_enclosed(vertices: Float32s, faces: Int64s, of_face: Int64s, volume: Fl
 
 
 @kernel
-def _winding(vertices: Float32Rows, faces: Int64Rows, point: Float64s) -> float:
+def _winding(vertices: Float32Rows, faces: Int32Rows, point: Float64s) -> float:
     """How often faces wind about a point: the sum of their solid angles over 4π (van Oosterom and Strackee 1983)."""
     total = 0.0
     at = (point[0], point[1], point[2])
@@ -108,7 +108,7 @@ def _winding(vertices: Float32Rows, faces: Int64Rows, point: Float64s) -> float:
     return total / (4.0 * np.pi)
 
 
-def _volumes(vertices: Float32s, faces: Int64s, part: Int64s) -> Float64s:
+def _volumes(vertices: Float32s, faces: Int32s, part: Int64s) -> Float64s:
     """Six times the volume (p,) that the faces of each part bound. Args: part: (n,), of each vertex."""
     of_face = np.empty(len(faces))
     _add_volumes(vertices, faces, of_face)
@@ -118,14 +118,14 @@ def _volumes(vertices: Float32s, faces: Int64s, part: Int64s) -> Float64s:
 
 
 @each("faces")
-def _add_volumes(f: int, vertices: Float32Rows, faces: Int64Rows, volume: Float64s) -> None:
+def _add_volumes(f: int, vertices: Float32Rows, faces: Int32Rows, volume: Float64s) -> None:
     """Write six times the signed volume of the tetrahedron that each face spans with the origin."""
     a, b, c = load_triangle(vertices, faces, f)
     volume[f] = dot(a, cross(b, c))
 
 
 @kernel
-def _sum_edges(corners: Int64Rows, part: Int64s, sums: UInt64s) -> None:
+def _sum_edges(corners: Int32Rows | Int64Rows, part: Int64s, sums: UInt64s) -> None:
     """Add up hashes of the edges of each part (p,), negative ones of those that run downwards: 0 where as many run one
     way as the other. Args: corners: (m, 3), of faces. part: (n,), of each vertex. sums: zeros."""
     for f in range(len(corners)):

@@ -12,9 +12,9 @@ import numpy as np
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
 from ..system.parallel import each
-from ..types import Bools, Float64Rows, Float64s, Int64Rows
+from ..types import Bools, Float64Rows, Float64s, Int32Rows
 from .mesh import Mesh
-from .normals import face_normals
+from .normals import face_areas
 from .placement import Placement, near_box, sample
 
 TILT = 0.01
@@ -87,7 +87,7 @@ def _may_tilt(mesh: Mesh) -> bool:
 
 
 @each("faces")
-def _find_tilted(f: int, vertices: Float64Rows, faces: Int64Rows, spacing: float, is_tilted: Bools) -> None:
+def _find_tilted(f: int, vertices: Float64Rows, faces: Int32Rows, spacing: float, is_tilted: Bools) -> None:
     """Set is_tilted[0] if a face may be tilted by more than `TILT`, its corners being off by half of `spacing`."""
     a, b, c = load_triangle(vertices, faces, f)
     double, longest = _doubled_area_and_longest_edge(a, b, c)
@@ -123,7 +123,7 @@ def _spacing(vertices: Float64s, kind: type[np.floating]) -> Float64s:
 
 @kernel
 def _tilts(
-    vertices: Float64Rows, faces: Int64Rows, spacing: Float64s, tilt: Float64s, weight: Float64s, widest: Float64s
+    vertices: Float64Rows, faces: Int32Rows, spacing: Float64s, tilt: Float64s, weight: Float64s, widest: Float64s
 ) -> None:
     """Sum δ/h of each vertex's faces, weighted by their angles there, and the largest spacing among their corners."""
     for f in range(len(faces)):
@@ -161,5 +161,5 @@ def _base(mesh: Mesh, axis: int) -> float:
     heights = mesh.vertices[mesh.faces][:, :, axis] - low[axis]
     at_bottom = (heights <= _FLAT * size.max()).all(axis=1)
     bottom = float(np.prod(np.delete(size, axis)))
-    areas = face_normals(mesh.vertices, mesh.faces[at_bottom])[1]
+    areas = face_areas(mesh.vertices, mesh.faces[at_bottom])
     return float(areas.sum()) / bottom if bottom > 0 else 0.0

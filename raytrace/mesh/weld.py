@@ -16,7 +16,20 @@ from ..kernel.arrays import counting_sort
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import compare_and_swap
 from ..system.parallel import each, parallel
-from ..types import AnyInts, Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int64Rows, Int64s, UInt32Rows, UInt32s
+from ..types import (
+    AnyInts,
+    Bools,
+    Float32Rows,
+    Float32s,
+    Float64Rows,
+    Float64s,
+    Int32Rows,
+    Int32s,
+    Int64Rows,
+    Int64s,
+    UInt32Rows,
+    UInt32s,
+)
 from .placement import contact_radius
 
 CREASE = float(np.cos(np.radians(30.0)))  # coincident vertices whose faces differ by more stay apart: a hard edge
@@ -27,7 +40,7 @@ _EDGE = 1.0 / 32.0  # of a cell: more than the largest contact radius
 _FINE = 16.0  # contact radii; vertices all whose edges are shorter are welded only where they are equal
 
 
-def connected_components(links: Int64s, count: int) -> Int64s:
+def connected_components(links: Int32s | Int64s, count: int) -> Int64s:
     """The component (count,) of each member, which the rows of `links` connect; numbered in order of first members."""
     parent = np.arange(count)
     join(links, parent)
@@ -58,7 +71,7 @@ def connect(parent, a, b):
 
 
 @each("links")
-def join(row: int, links: Int64Rows, parent: Int64s) -> None:
+def join(row: int, links: Int32Rows | Int64Rows, parent: Int64s) -> None:
     """Connect the members in each row of links[first:last], (m, any), in the forest `parent`, as `connect` does two."""
     for k in range(1, links.shape[1]):
         connect(parent, links[row, 0], links[row, k])
@@ -76,7 +89,7 @@ def renumber_components(parent: Int64s) -> None:
             parent[i] = parent[parent[i]]
 
 
-def weld(positions: Float32s, faces: Int64s, normals: Float64s, agreement: float) -> Int64s:
+def weld(positions: Float32s, faces: AnyInts, normals: Float64s, agreement: float) -> Int64s:
     """Group (n,) of each vertex: those `coincident` whose normals agree share a group, numbered from 0.
 
     Args: normals: (n, 3), unit or zero (agrees with none). agreement: the least cosine.
@@ -90,7 +103,7 @@ def weld(positions: Float32s, faces: Int64s, normals: Float64s, agreement: float
     return group
 
 
-def coincident(positions: Float32s, faces: Int64s) -> Int64s:
+def coincident(positions: Float32s, faces: AnyInts) -> Int64s:
     """The place (n,) of each of the `positions` (n, 3) in render space, numbered from 0 in the order of first rows.
 
     Positions share a place if they are equal or within their `contact_radius`, or are linked by others that are; but
@@ -211,7 +224,7 @@ def sum_groups(group: Int64s, values: Float64s) -> Float64s:
     return np.stack([np.bincount(group, values[:, axis]) for axis in range(3)], axis=1)
 
 
-def _near(positions: Float32s, faces: Int64s, vertices: Int64s) -> Int64s:
+def _near(positions: Float32s, faces: AnyInts, vertices: Int64s) -> Int64s:
     """Pairs (j, 2) of `vertices` (k,), which are sorted by x, that share a place: indices into these."""
     subset = positions[vertices]
     links = [np.zeros((0, 2), np.int64)]

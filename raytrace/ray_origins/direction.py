@@ -17,8 +17,8 @@ from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, angle_between, cross, divide, dot, length, load, scale, store, subtract
 from ..mesh.placement import NEAR, ULP
 from ..system.parallel import parallel
-from ..types import Bools, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
-from .surface import Contacts, Surface
+from ..types import Bools, Float64Rows, Float64s, Int32Rows, Int32s, Int64s
+from .surface import Contacts, Surface, front
 
 _SAME_PLANE = 0.9999
 _RISE = 1e-3
@@ -41,7 +41,7 @@ def resolve_contacts(
     surface: Surface,
     points: Float64s,
     touched: Contacts,
-    face_points: Int64s,
+    face_points: Int32s,
     numbers: Int64s,
 ) -> None:
     """Turn the directions of touched `points` in front of what they touch, where possible.
@@ -112,13 +112,13 @@ def _list_faces(p, direction, surface, own_faces, touched_faces, listed):
         if is_own[row]:
             f = own_faces[i]
             i += 1
-            n = load(surface.normals, f)
+            n = front(surface, f)
             if dot(n, direction) < 0.0:  # seen from its other side
                 n = scale(-1.0, n)
         else:
             f = touched_faces[j]
             j += 1
-            n = load(surface.normals, f)
+            n = front(surface, f)
             decides |= dot(n, direction) < -_SAME_PLANE or _rises(p, direction, surface, f)
         store(normals, row, n)
         angles[row] = _angle_about(p, surface.vertices, surface.faces, f)
@@ -193,7 +193,7 @@ def _angle_about(p, vertices, faces, f):
 
 
 def outermost_normals(
-    normals: Float64s, face_points: Int64s, face_normals: Float64s
+    normals: Float64s, face_points: Int32s, faces: Float64s | Surface
 ) -> tuple[Float64s, Float64s, Float64s]:
     """Normals in front of all the faces that meet at a point, directions (k, 3) to move a ray origin along, and the
     clearance (k,) of these: the smallest cosine to a face's normal.
@@ -201,11 +201,11 @@ def outermost_normals(
     Only a normal behind a face is moved, see `_moved`. Directions are these, or, where these clear a face by `SHARP` or
     less, others that clear all by more. Where nothing is to be moved, both are the array `normals` itself.
 
-    Args: normals: (k, 3), unit or zero. face_points: int64 (m, any), the rows of `normals` that each face counts for.
-        face_normals: (m, 3), unit.
+    Args: normals: (k, 3), unit or zero. face_points: int32 (m, any), the rows of `normals` that each face counts for.
+        faces: their unit normals (m, 3), or a surface of them.
     """
     moved = directions = normals
-    clearance = least_cosines(normals, face_points, face_normals)
+    clearance = least_cosines(normals, face_points, faces)
     is_sharp = clearance <= SHARP
     sharp = np.flatnonzero(is_sharp)
     if len(sharp):
@@ -213,24 +213,44 @@ def outermost_normals(
         directions = normals.copy()
         corners = np.flatnonzero(is_sharp[face_points])
         order, starts = counting_sort(np.searchsorted(sharp, face_points.ravel()[corners]), len(sharp))
-        faces = face_normals[corners[order] // face_points.shape[1]]
-        _outermost(moved, directions, clearance, sharp, starts, faces)
+        rows = corners[order] // face_points.shape[1]
+        around = faces.normals(rows) if isinstance(faces, Surface) else faces[rows]
+        _outermost(moved, directions, clearance, sharp, starts, around)
     return moved, directions, clearance
 
 
-def least_cosines(normals: Float64s, face_points: Int64s, face_normals: Float64s) -> Float64s:
+def least_cosines(normals: Float64s, face_points: Int32s, faces: Float64s | Surface) -> Float64s:
     """The least cosine (k,) between each of the `normals` and those of its faces, 1 without any; as `outermost_normals`
     takes them."""
     cosines = np.ones(len(normals))
-    _least_cosines(normals, face_points, face_normals, cosines)
+    if isinstance(faces, Surface):
+        _lower_to_faces(normals, face_points, faces, cosines)
+    else:
+        _lower_to_normals(normals, face_points, faces, cosines)
     return cosines
 
 
 @parallel("normals", _LEAST, alone=True)
-def _least_cosines(
-    start: int, stop: int, normals: Float64Rows, face_points: Int64Rows, face_normals: Float64Rows, clearance: Float64s
+def _lower_to_faces(
+    start: int, stop: int, normals: Float64Rows, face_points: Int32Rows, surface: Surface, clearance: Float64s
 ) -> None:
     """Lower `clearance` to the least cosine between a point's normal and those of its faces."""
+    for f in range(len(face_points)):
+        a = face_points[f, 0]
+        b = face_points[f, 1]
+        c = face_points[f, 2]
+        if start <= a < stop or start <= b < stop or start <= c < stop:
+            normal = front(surface, f)
+            for row in (a, b, c):
+                if start <= row < stop:
+                    clearance[row] = min(clearance[row], dot(load(normals, row), normal))
+
+
+@parallel("normals", _LEAST, alone=True)
+def _lower_to_normals(
+    start: int, stop: int, normals: Float64Rows, face_points: Int32Rows, face_normals: Float64Rows, clearance: Float64s
+) -> None:
+    """The same by the faces' normals (m, 3), of polygons of any number of corners."""
     for f in range(len(face_points)):
         for corner in range(face_points.shape[1]):
             row = face_points[f, corner]

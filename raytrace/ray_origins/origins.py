@@ -18,18 +18,18 @@ from ..bvh.closest import closest_on_triangle
 from ..kernel.arrays import product
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import add, dot, load, load_triangle, scale, subtract
-from ..mesh.normals import Weighting, face_normals, nonzero, normalize, vertex_sums
+from ..mesh.normals import Weighting, face_areas, face_normals, nonzero, normalize, vertex_sums
 from ..mesh.placement import LEAST, TOUCHING, ULP
 from ..mesh.weld import CREASE, coincident, connected_components, sum_groups, weld
 from ..system.parallel import each
-from ..types import Bools, Float32s, Float64Rows, Float64s, Int64s
+from ..types import AnyFloats, Bools, Float32s, Float64Rows, Float64s, Int32s, Int64s
 from .direction import SHARP, least_cosines, outermost_normals, resolve_contacts
-from .surface import Contacts, Surface, find_contacts
+from .surface import Contacts, Surface, find_contacts, front
 
 OFFSET_ULPS = 16.0  # 4 were enough in 20,000 trials
 _BLURRED = 5.0  # offsets within which rounding has a say in what a point sees of a face, and where faces are looked for
 _LEAST, _NEAR = 0.25, 1.0 / 64.0  # of an offset and of the shortest edge, to which offsets in folds are cut
-_BLOCK = 1 << 20  # points, for whose offsets there is memory at once
+_BLOCK = 1 << 18  # points, for whose offsets there is memory at once
 AWAY = -0.7  # mean cosine between normals and axes, below which faces are wound the wrong way round
 
 
@@ -39,7 +39,7 @@ def ray_origins(
     points: Float64s,
     directions: Float64s,
     clearance: Float64s,
-    face_points: Int64s,
+    face_points: Int32s,
     numbers: Int64s,
     magnitude: Float64s,
 ) -> tuple[Float64s, Bools]:
@@ -89,12 +89,13 @@ def directions_in_front(
     axis is far behind it. Args: tree: over the faces of `surface`.
     """
     count = len(surface.faces)
-    apart = np.repeat(np.arange(count)[:, None], 3, axis=1), np.full(len(points), count)  # points are no corners
+    numbers = np.arange(count, dtype=np.int32)
+    apart = np.repeat(numbers[:, None], 3, axis=1), np.full(len(points), count)  # points are no corners
     _, touching, _ = offsets_and_reaches(points, axes, np.zeros(len(points)), np.ones(len(points)))
     held = find_contacts(tree, surface, points, touching, *apart)
-    normals = surface.normals[held.face]
+    normals = surface.normals(held.face)
     normals[np.einsum("ij,ij->i", normals, axes[held.point]) < AWAY] *= -1.0
-    rows = held.point[:, None].astype(np.int64)
+    rows = held.point[:, None]
     sums = np.zeros_like(points)
     np.add.at(sums, held.point, normals)
     _, directions, clearance = outermost_normals(normalize(sums), rows, normals)
@@ -164,7 +165,7 @@ def stop_short(
         f = near.face[i]
         p = load(points, row)
         direction = load(directions, row)
-        n = load(surface.normals, f)
+        n = front(surface, f)
         a, b, c = load_triangle(surface.vertices, surface.faces, f)
         facing = dot(n, direction)
         if facing != 0.0:
@@ -180,9 +181,8 @@ class WeldedPoints(NamedTuple):
 
     Attributes:
         group: int64 (n,), the point of each vertex. first_vertex: int64 (k,), of each point.
-        faces: int64 (m, 3), face_normals: float64 (m, 3), unit, on the faces' fronts, face_points: int64 (m, 3), the
-            point at each corner. backwards: bool (m,), faces whose front is not that of their winding, see
-            `wound_away`.
+        surface: the faces; backwards are those that are `wound_away`. face_points: int32 (m, 3), the point at each
+            corner.
         axes: float64 (k, 3), means of the faces' normals, unit or zero, moved in front of all the point's faces where
             there is a way.
         moved: bool (k,), those that are.
@@ -192,10 +192,8 @@ class WeldedPoints(NamedTuple):
 
     group: Int64s
     first_vertex: Int64s
-    faces: Int64s
-    face_normals: Float64s
-    face_points: Int64s
-    backwards: Bools
+    surface: Surface
+    face_points: Int32s
     axes: Float64s
     moved: Bools
     directions: Float64s
@@ -203,41 +201,38 @@ class WeldedPoints(NamedTuple):
 
     def reversed(self) -> WeldedPoints:
         """The same points of the same faces, seen from behind."""
-        return self._replace(face_normals=-self.face_normals, directions=-self.directions)
+        return self._replace(surface=self.surface.reversed(), directions=-self.directions)
 
-    def surface(self, vertices: Float64s) -> Surface:
-        """The faces over `vertices` (n, 3) in render space."""
-        return Surface.of(vertices, self.faces, self.face_normals)
-
-    def ray_origins(self, tree: BVH16, surface: Surface) -> tuple[Float64s, Bools]:
-        """`raytrace.ray_origins.origins.ray_origins`. Args: tree: over the faces of `surface`, `self.surface`."""
+    def ray_origins(self, tree: BVH16) -> tuple[Float64s, Bools]:
+        """`raytrace.ray_origins.origins.ray_origins`. Args: tree: over the faces of `surface`."""
+        surface = self.surface
         corners, count = self.face_points, len(self.first_vertex)
         magnitude = surface.magnitudes(corners, count)
         origins = np.empty((count, 3))
         ambiguous = np.empty(count, np.bool_)
         for start in range(0, count, _BLOCK):
             some = slice(start, start + _BLOCK)
-            points = surface.vertices[self.first_vertex[some]]
+            points = surface.vertices[self.first_vertex[some]].astype(np.float64)
             numbers = np.arange(*some.indices(count))
             of_points = self.directions[some], self.clearance[some]
             found = ray_origins(tree, surface, points, *of_points, corners, numbers, magnitude[some])
             origins[some], ambiguous[some] = found
         return origins, ambiguous
 
-    def displacement(self, surface: Surface, origins: Float64s) -> Float32s:
+    def displacement(self, origins: Float64s) -> Float32s:
         """Distances, float32 (k,), of origins (k, 3) from points in folds as sharp as `SHARP`, in shortest edges;
         elsewhere 0."""
         displaced = np.zeros(len(self.first_vertex), np.float32)
         sharp = np.flatnonzero(nonzero(self.directions) & (self.clearance < SHARP))
         if len(sharp):
-            away = np.linalg.norm(origins[sharp] - surface.vertices[self.first_vertex[sharp]], axis=1)
-            displaced[sharp] = away / surface.shortest_edges(self.face_points, sharp)
+            away = np.linalg.norm(origins[sharp] - self.surface.vertices[self.first_vertex[sharp]], axis=1)
+            displaced[sharp] = away / self.surface.shortest_edges(self.face_points, sharp)
         return displaced
 
 
 def weld_points(
-    vertices: Float64s,
-    faces: Int64s,
+    vertices: AnyFloats,
+    faces: Int32s,
     weighting: Weighting = "angle",
     normals: Float64s | None = None,
     agreement: float = CREASE,
@@ -245,59 +240,56 @@ def weld_points(
 ) -> WeldedPoints:
     """Weld the vertices of a mesh, and find directions in front of their faces.
 
-    Args: vertices: (n, 3), render space. faces: int64 (m, 3); degenerate ones are left out.
+    Args: vertices: (n, 3), render space. faces: int32 (m, 3); degenerate ones are left out.
         weighting: of the faces' normals in their mean, see `vertex_sums`.
         normals: (n, 3), unit or zero, the directions where these are in front of the faces; by default the vertices'
             means, which lie in front of the faces elsewhere, too.
         agreement: least cosine between the normals of vertices that are welded. by_means: between their means instead.
     """
-    face_normal, area = face_normals(vertices, faces)
-    if not area.all():
-        faces = faces[area > 0]
-        face_normal = face_normal[area > 0]
-        area = area[area > 0]
-    backwards = np.zeros(len(faces), np.bool_)
-    if normals is not None:
-        backwards = wound_away(vertices, faces, face_normal, area, normals)
-        face_normal[backwards] *= -1.0
-    sums = vertex_sums(vertices, faces, face_normal, area, weighting)
+    has_area = face_areas(vertices, faces) > 0
+    if not has_area.all():
+        faces = faces[has_area]
+    backwards = np.zeros(len(faces), np.bool_) if normals is None else wound_away(vertices, faces, normals)
+    sums = vertex_sums(vertices, faces, weighting, backwards)
     mean = normalize(sums)
-    group = weld(vertices.astype(np.float32), faces, mean if normals is None or by_means else normals, agreement)
+    axes_to_weld = mean if normals is None or by_means else normals
+    group = weld(vertices.astype(np.float32, copy=False), faces, axes_to_weld, agreement)
     first_vertices, face_points = group, np.ascontiguousarray(faces)
     if len(group) > group.max() + 1:
         first_vertices = np.empty(int(group.max()) + 1, np.int64)
         first_vertices[group[::-1]] = np.arange(len(group))[::-1]
-        face_points = group.take(faces)
+        face_points = group.astype(np.int32).take(faces)
         mean = normalize(sum_groups(group, sums))
-    axes, directions, clearance = outermost_normals(mean, face_points, face_normal)
+    surface = Surface.of(vertices, faces, backwards)
+    axes, directions, clearance = outermost_normals(mean, face_points, surface)
     moved = nonzero(axes != mean)
     if normals is not None:
         # A given normal in front of all faces is the direction itself; of the two sides of a sheet, it chooses one.
         own_normals = normals[first_vertices]
         directions = directions.copy()
-        clear = least_cosines(own_normals, face_points, face_normal)
+        clear = least_cosines(own_normals, face_points, surface)
         is_in_front = (clear > SHARP) & nonzero(own_normals)
         directions[is_in_front] = own_normals[is_in_front]
         clearance[is_in_front] = clear[is_in_front]
         is_behind = (clearance <= 0.0) & (np.einsum("ij,ij->i", directions, own_normals) < 0.0)
         directions[is_behind] *= -1.0
-    return WeldedPoints(
-        group, first_vertices, faces, face_normal, face_points, backwards, axes, moved, directions, clearance
-    )
+    return WeldedPoints(group, first_vertices, surface, face_points, axes, moved, directions, clearance)
 
 
-def wound_away(vertices: Float64s, faces: Int64s, normals: Float64s, areas: Float64s, axes: Float64s) -> Bools:
+def wound_away(vertices: AnyFloats, faces: Int32s, axes: Float64s) -> Bools:
     """Which faces (m,) are of patches whose normals look away from the `axes` (n, 3), unit or zero, of their vertices.
 
     A patch hangs together by edges that two faces run along in opposite ways, wherever their vertices are stored.
 
-    Args: faces: (m, 3), none degenerate. normals: (m, 3), unit. areas: (m,).
+    Args: faces: (m, 3), none degenerate.
     """
+    normals, areas = face_normals(vertices, faces)
     corner_axes = axes[faces]
     along = areas * np.einsum("fi,fci->f", normals, corner_axes)
     if not (along < 0).any():
         return np.zeros(len(faces), np.bool_)
-    patch = connected_components(_facing_pairs(coincident(vertices.astype(np.float32), faces)[faces]), len(faces))
+    place = coincident(vertices.astype(np.float32, copy=False), faces)
+    patch = connected_components(_facing_pairs(place[faces]), len(faces))
     weights = areas * corner_axes.any(axis=2).sum(axis=1)
     away = np.bincount(patch, along) < AWAY * np.bincount(patch, weights)
     return np.asarray(away[patch])

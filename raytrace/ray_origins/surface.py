@@ -15,11 +15,12 @@ from ..bvh.bvh16 import BVH16
 from ..bvh.closest import begin, closest_on_triangle, new_stack, next_leaf
 from ..kernel.jit import inline, kernel
 from ..kernel.simd import lowest_bit
-from ..kernel.vector import cross, length, load, load_triangle, subtract
+from ..kernel.vector import cross, length, load, load_triangle, scale, subtract
+from ..mesh.normals import face_normals, normal_and_area
 from ..mesh.placement import NEAR, TOUCHING, ULP
 from ..system.parallel import each, parallel
 from ..system.threads import run_blocks, thread_count
-from ..types import Bools, Float32s, Float64Rows, Float64s, Int32s, Int64Rows, Int64s
+from ..types import AnyFloats, Bools, Float32Rows, Float32s, Float64Rows, Float64s, Int32Rows, Int32s, Int64Rows, Int64s
 
 FLAT = 1.0 / 16.0
 _POINTS = 1 << 12  # of a thread that looks at all faces
@@ -35,49 +36,62 @@ class Surface(NamedTuple):
     """Faces in render space; an argument of kernels.
 
     Attributes:
-        vertices: float64 (n, 3). faces: int64 (m, 3), none degenerate. normals: float64 (m, 3), unit.
-        extent: float32 (m,), the largest |coordinate| of each face's corners; above `NEAR` no more than counts across.
-        flat: float32 (m,), as large as that may be beside a flat triangle: Embree takes the distance of its plane from
-            a normal that it computes in float32, whose relative error is that of a coordinate over the sine of the
-            largest angle, times the distance of a corner. At most `NEAR`, or as far away as the face is: the offset
-            there is 10⁻⁵ of the mesh, no more.
+        vertices: float32 or float64 (n, 3). faces: int32 (m, 3), none degenerate. backwards: bool (m,), faces whose
+            front is not that of their winding.
         rounding: float32 (m,), how far from a face a point may be that touches it.
     """
 
-    vertices: Float64Rows
-    faces: Int64Rows
-    normals: Float64Rows
-    extent: Float32s
-    flat: Float32s
+    vertices: Float32Rows | Float64Rows
+    faces: Int32Rows
+    backwards: Bools
     rounding: Float32s
 
     @classmethod
-    def of(cls, vertices: Float64s, faces: Int64s, normals: Float64s) -> Surface:
-        """Faces with their extents, flatness and rounding measured; arguments as the attributes."""
-        extent, flat, rounding = np.zeros((3, len(faces)), np.float32)
-        _measure(vertices, faces, normals, (extent, flat, rounding))
-        return cls(vertices, faces, normals, extent, flat, rounding)
+    def of(cls, vertices: AnyFloats, faces: Int32s, backwards: Bools) -> Surface:
+        """Faces with their rounding measured; arguments as the attributes."""
+        rounding = np.empty(len(faces), np.float32)
+        _measure_rounding(vertices, faces, rounding)
+        return cls(vertices, faces, backwards, rounding)
 
     def reversed(self) -> Surface:
         """The same faces, seen from behind."""
-        return self._replace(normals=-self.normals)
+        return self._replace(backwards=~self.backwards)
+
+    def normals(self, rows: Int32s | Int64s) -> Float64s:
+        """The unit normals (k, 3) of some faces (k,), on their fronts."""
+        normals, _ = face_normals(self.vertices, self.faces[rows])
+        normals[self.backwards[rows]] *= -1.0
+        return normals
+
+    def extents(self, rows: Int32s | Int64s | slice = slice(None)) -> tuple[Float32s, Float32s]:
+        """Of each of some faces (k,) the largest |coordinate| of its corners; above `NEAR` no more than counts across.
+        And as large as that may be beside a flat triangle.
+
+        There Embree takes the distance of the plane from a normal that it computes in float32, whose relative error is
+        that of a coordinate over the sine of the largest angle, times the distance of a corner. At most `NEAR`, or as
+        far away as the face is: the offset there is 10⁻⁵ of the mesh, no more.
+        """
+        faces = self.faces[rows]
+        extent, flat = np.zeros((2, len(faces)), np.float32)
+        _measure_extents(self.vertices, faces, extent, flat)
+        return extent, flat
 
     def reaches(self, faces: Int32s) -> Float32s:
-        """The larger of `extent` and `flat` (k,) of some `faces` (k,)."""
-        return np.maximum(self.extent[faces], self.flat[faces])
+        """The larger of the two `extents` (k,) of some `faces` (k,)."""
+        return np.maximum(*self.extents(faces))
 
-    def shortest_edges(self, face_points: Int64s, points: Int64s) -> Float64s:
+    def shortest_edges(self, face_points: Int32s, points: Int64s) -> Float64s:
         """The shortest edge (k,) at each of some `points` (k,), numbers in `face_points` (m, 3); ∞ at none."""
         shortest = np.full(int(max(face_points.max(), points.max())) + 1, -1.0)
         shortest[points] = np.inf
         edged_faces, corners = np.nonzero(shortest[face_points] > 0)
-        here = self.vertices[self.faces[edged_faces, corners]]
+        here = self.vertices[self.faces[edged_faces, corners]].astype(np.float64)
         for step in (1, 2):
             edge = np.linalg.norm(self.vertices[self.faces[edged_faces, (corners + step) % 3]] - here, axis=1)
             np.minimum.at(shortest, face_points[edged_faces, corners], edge)
         return shortest[points]
 
-    def magnitudes(self, face_points: Int64s, count: int) -> Float64s:
+    def magnitudes(self, face_points: Int32s, count: int) -> Float64s:
         """The largest coordinates (count,) at each of `count` points, by which `ray_offset` scales offsets.
 
         Args:
@@ -85,25 +99,45 @@ class Surface(NamedTuple):
         """
         around = np.zeros(count)
         magnitude = np.zeros(count)
-        _spread_flat(self.flat, face_points, around)
-        _magnitudes(self.extent, face_points, around, magnitude)
+        extent, flat = self.extents()
+        _spread_flat(flat, face_points, around)
+        _magnitudes(extent, face_points, around, magnitude)
         return magnitude
 
 
-@each("faces")
-def _measure(
-    f: int, vertices: Float64Rows, faces: Int64Rows, normals: Float64Rows, measures: tuple[Float32s, Float32s, Float32s]
-) -> None:
-    """Write the attributes `extent`, `flat` and `rounding` of a `Surface`, which are zeros."""
-    extent, flat, rounding = measures
-    a, b, c = load_triangle(vertices, faces, f)
+@inline
+def front(surface, f):
+    """The unit normal of face `f` on its front."""
+    normal, _ = normal_and_area(load_triangle(surface.vertices, surface.faces, f))
+    return scale(-1.0, normal) if surface.backwards[f] else normal
+
+
+@inline
+def _across(corners):
+    """The largest distance from the origin to the plane of a triangle of such large coordinates."""
+    a, b, c = corners
+    normal, _ = normal_and_area(corners)
     across = 0.0
     for axis in range(3):
-        largest = max(abs(a[axis]), abs(b[axis]), abs(c[axis]))
-        extent[f] = max(extent[f], largest)
-        across += abs(normals[f, axis]) * largest
-    extent[f] = min(extent[f], max(NEAR, across))
-    rounding[f] = TOUCHING * ULP * across
+        across += abs(normal[axis]) * max(abs(a[axis]), abs(b[axis]), abs(c[axis]))
+    return across
+
+
+@each("faces")
+def _measure_rounding(f: int, vertices: Float32Rows | Float64Rows, faces: Int32Rows, rounding: Float32s) -> None:
+    """Write the attribute `rounding` of a `Surface`."""
+    rounding[f] = TOUCHING * ULP * _across(load_triangle(vertices, faces, f))
+
+
+@each("faces")
+def _measure_extents(
+    f: int, vertices: Float32Rows | Float64Rows, faces: Int32Rows, extent: Float32s, flat: Float32s
+) -> None:
+    """Write `Surface.extents`, which are zeros."""
+    a, b, c = load_triangle(vertices, faces, f)
+    for axis in range(3):
+        extent[f] = max(extent[f], abs(a[axis]), abs(b[axis]), abs(c[axis]))
+    extent[f] = min(extent[f], max(NEAR, _across((a, b, c))))
     ab = subtract(b, a)
     bc = subtract(c, b)
     ca = subtract(a, c)
@@ -118,7 +152,7 @@ def _largest(p):
 
 
 @parallel("around", _POINTS, alone=True)
-def _spread_flat(start: int, stop: int, flat: Float32s, face_points: Int64Rows, around: Float64s) -> None:
+def _spread_flat(start: int, stop: int, flat: Float32s, face_points: Int32Rows, around: Float64s) -> None:
     """The largest `flat` of the faces of each point."""
     for f in range(len(face_points)):
         for corner in range(3):
@@ -129,7 +163,7 @@ def _spread_flat(start: int, stop: int, flat: Float32s, face_points: Int64Rows, 
 
 @parallel("magnitude", _POINTS, alone=True)
 def _magnitudes(
-    start: int, stop: int, extent: Float32s, face_points: Int64Rows, around: Float64s, magnitude: Float64s
+    start: int, stop: int, extent: Float32s, face_points: Int32Rows, around: Float64s, magnitude: Float64s
 ) -> None:
     """The largest `extent` of a point's faces, and `flat` of these and of its neighbours' faces, which rays pass by."""
     for f in range(len(face_points)):
@@ -160,16 +194,16 @@ class Contacts(NamedTuple):
         return Contacts(self.point[selection], self.face[selection], self.distance[selection])
 
 
-_Points = tuple[Float64s, Float64s, Int64s, Int64s]  # points, reach, face_points, numbers
+_Points = tuple[Float64s, Float64s, Int32s, Int64s]  # points, reach, face_points, numbers
 
 
 def find_contacts(
-    tree: BVH16, surface: Surface, points: Float64s, reach: Float64s, face_points: Int64s, numbers: Int64s
+    tree: BVH16, surface: Surface, points: Float64s, reach: Float64s, face_points: Int32s, numbers: Int64s
 ) -> Contacts:
     """The faces within the larger of `reach` and their `rounding` of points, but not those that a point is a corner of.
 
     Args: tree: over the faces of `surface`. points: (k, 3), render space. reach: (k,), negative to leave points out.
-        face_points: int64 (m, 3), the number of the point that each face corner is. numbers: int64 (k,), of each point.
+        face_points: int32 (m, 3), the number of the point that each face corner is. numbers: int64 (k,), of each point.
     """
     if not (reach >= 0.0).any() or not len(surface.faces):
         return _empty(0)
@@ -233,7 +267,7 @@ def _search(
     tree: BVH16,
     stack: Int64Rows,
     surface: Surface,
-    around: tuple[Float64Rows, Float64s, Int64Rows, Int64s],
+    around: tuple[Float64Rows, Float64s, Int32Rows, Int64s],
     most: float,
     start: int,
     stop: int,

@@ -19,12 +19,13 @@ from ..mesh.normals import normalize, smooth_normals
 from ..mesh.opacity import Opacity, PackedOpacity
 from ..mesh.placement import Placement, RenderSpace, sample, to_single
 from ..ray_origins.origins import weld_points
+from ..ray_origins.surface import Surface
 from ..scene import Object, Shape
 from ..settings import Normals
 from ..shade.alpha_filter import filter_hits
 from ..shade.layout import Geometry
 from ..shade.shaft_culling import SLACK, cluster, merged, pack_boxes
-from ..types import AnyFloats, Bools, Float32s, Float64s, Int64s
+from ..types import AnyFloats, Bools, Float32s, Float64s, Int32s, Int64s
 from .polygon_outlines import Polygons, mesh_polygons
 
 _INSTANCED = 4.0  # the ray's own way into an instance's frame is rounded too, as if coordinates were that large
@@ -52,12 +53,13 @@ class BuiltGeometry:
         vertices, faces, normals = _in_render_space(self.arrays)
         points = weld_points(vertices, faces, normals=normals)
         away = 0.0 if self.arrays.placed.all() else _INSTANCED  # all that is reckoned with grows with coordinates
-        surface = points.surface(vertices + away)
+        surface = Surface.of(vertices + away, points.surface.faces, points.surface.backwards)
         tree = BVH16.of(surface.vertices.astype(np.float32), surface.faces)
-        sides = [points.ray_origins(tree, surface)[0][points.group]]
+        sides = [points._replace(surface=surface)]
         if self.arrays.materials[:, TWO_SIDED].any():
-            sides.append(points.reversed().ray_origins(tree, surface.reversed())[0][points.group])
-        return _padded_rows([side - away for side in sides], np.float32)
+            sides.append(sides[0].reversed())
+        origins = [side.ray_origins(tree)[0][points.group] for side in sides]
+        return _padded_rows([side - away for side in origins], np.float32)
 
     @cached_property
     def hit_filter(self) -> tuple[int, Int64s] | None:
@@ -188,7 +190,7 @@ def _build_embree(shapes: list[_PlacedShape], rank: Int64s, matrices: Float64s) 
 
 def _polygons(shapes: list[_PlacedShape]) -> Polygons:
     """The polygons of all shapes' meshes, numbered behind their vertices."""
-    none = mesh_polygons(np.empty((0, 3), np.float32), np.empty((0, 3), np.int64), None)
+    none = mesh_polygons(np.empty((0, 3), np.float32), np.empty((0, 3), np.int32), None)
     meshes = [placed.shape.mesh for placed in shapes]
     if all(mesh.polygons is None for mesh in meshes):
         return none
@@ -309,7 +311,7 @@ def _vertex_normals(mesh: Mesh, normals: Normals) -> Float64s:
     return smooth_normals(Placement.of(mesh).vertices, mesh.faces, "angle" if normals == "file" else normals)
 
 
-def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
+def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int32s, Float64s]:
     """All objects as one mesh in render space, faces wound outwards: vertices, faces, unit vertex normals."""
     vertices = []
     faces = []
@@ -327,4 +329,4 @@ def _in_render_space(geometry: Geometry) -> tuple[Float64s, Int64s, Float64s]:
         vertices.append(positions)
         faces.append(corners[:, ::-1] if geometry.mirrored[item] < 0 else corners)
         normals.append(normal)
-    return np.concatenate(vertices), np.concatenate(faces).astype(np.int64), normalize(np.concatenate(normals))
+    return np.concatenate(vertices), np.concatenate(faces).astype(np.int32), normalize(np.concatenate(normals))

@@ -23,7 +23,7 @@ class Polygons(NamedTuple):
     counts: Int32s  # (p,), edges of each
 
 
-def mesh_polygons(vertices: Float32s, faces: Int64s, polygon_of: Int64s | None) -> Polygons:
+def mesh_polygons(vertices: Float32s, faces: Int32s, polygon_of: Int64s | None) -> Polygons:
     """The polygons of a mesh. Args: polygon_of: as `Mesh.polygons`."""
     _, number = np.unique(np.arange(0) if polygon_of is None else polygon_of, return_inverse=True)
     order, starts = counting_sort(number, int(number.max(initial=-1)) + 1)
@@ -49,7 +49,7 @@ def _slots(faces: int) -> int:
 
 @kernel
 def _find_polygons(
-    vertices: Float32Rows, faces: Int64Rows, order: Int64s, starts: Int64s, slots: Int64Rows, out: Polygons
+    vertices: Float32Rows, faces: Int32Rows, order: Int64s, starts: Int64s, slots: Int64Rows, out: Polygons
 ) -> tuple[int, int]:
     """Fill `out`; returns the number of polygons and of edges.
 

@@ -18,7 +18,7 @@ from ..kernel.simd import WIDE, load_row, select, some
 from ..kernel.vector import add, scale, subtract, triple
 from ..lights.kernels import DIRECTION, DIRECTIONAL, POSITION, RADIUS
 from ..mesh.placement import NEAR
-from ..types import Float32Grid, Float32Rows, Float32s, Float64s, Int64Rows, Int64s
+from ..types import Float32Grid, Float32Rows, Float32s, Float64s, Int32Rows, Int32s, Int64s
 
 SLACK = 2.0**-18  # of the largest coordinate: sixteen times what Embree's edge tests can be off
 ROUNDED = np.float32(2.0**-20)  # relative error of a place on the way, and more
@@ -27,7 +27,7 @@ _FACES = 2  # in a cluster, about, where there are few
 _BOXES = 1024  # of all objects together, about
 
 
-def cluster(vertices: Float32s, faces: Int64s, objects: int) -> Float64s:
+def cluster(vertices: Float32s, faces: Int32s, objects: int) -> Float64s:
     """Boxes (n, 2, 3), low and high corners, around clusters of a mesh's faces.
 
     Args:
@@ -48,7 +48,7 @@ def cluster(vertices: Float32s, faces: Int64s, objects: int) -> Float64s:
 
 @kernel
 def _enclose(
-    vertices: Float32Rows, faces: Int64Rows, low: Float32s, per_length: np.float32, cells: Int64s, boxes: Float32Grid
+    vertices: Float32Rows, faces: Int32Rows, low: Float32s, per_length: np.float32, cells: Int64s, boxes: Float32Grid
 ) -> None:
     """Grow the box of the grid's cell that a face's centre lies in around the face."""
     for f in range(len(faces)):

@@ -85,7 +85,7 @@ class ObjectSelection(NamedTuple):
                 }
                 triangles = corners.reshape(-1, 3)
                 yield (
-                    vertices,
+                    vertices.astype(np.int64),
                     face_rows,
                     Mesh(mesh.vertices[vertices], triangles, normals, source=mesh.source, up=mesh.up, **facts),
                 )
@@ -113,9 +113,10 @@ def select_objects(
     if by not in ("all", "object", "name"):
         raise OptionError("by", "all, object or name", repr(by))
     mesh = source.mesh
-    every = np.ones(len(source.mesh.faces), np.bool_)
-    excluded = _named(source, "exclude", exclude, lenient) if exclude else ~every
-    received = (_named(source, "receive", receive) if receive else every) & ~excluded
+    excluded = _named(source, "exclude", exclude, lenient) if exclude else np.zeros(1, np.bool_)
+    received = np.broadcast_to(~excluded, len(mesh.faces))
+    if receive:
+        received = _named(source, "receive", receive) & received
     if not received.any():
         name = "receive" if receive else "exclude"
         raise OptionError(name, "patterns that leave an object to bake", " ".join(receive or exclude), source.path)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from obscurance.raytrace.image.colour import decode_srgb, encode_srgb
 from obscurance.raytrace.mesh.mesh import PerCorner
-from obscurance.raytrace.types import AnyFloats, Float64s, Int64s
+from obscurance.raytrace.types import AnyFloats, AnyInts, Float64s, Int64s
 
 from ..geometry.polygons import Triangulation, triangulate
 
@@ -39,7 +39,7 @@ class Column(NamedTuple):
     """Values of a primitive's vertices or, with `of`, of the corners of its polygons."""
 
     values: Array  # (k,) or (k, d); texture coordinates with v upwards, colours in [0, 1]
-    of: Int64s | None = None  # (c,), the row of each corner; None: row i is vertex i's
+    of: AnyInts | None = None  # (c,), the row of each corner; None: row i is vertex i's
     srgb: bool = False  # whether red, green and blue are sRGB-encoded; else they are linear
 
     def colours(self, srgb: bool) -> Float64s:
@@ -123,8 +123,10 @@ class Primitive(NamedTuple):
     def of(cls, positions: Array, corners: Array, sizes: Array | None = None, source: Any = "", **more: Any) -> Self:
         """A primitive of polygons, or without `sizes` of triangles. Raises: MeshError: as `triangulate`."""
         if sizes is None or (sizes.strides == (0,) and len(sizes) and sizes[0] == 3):
-            one_each = np.broadcast_to(np.int64(1), len(corners) // 3)
-            return cls(positions, corners, 3 * one_each, Triangulation(one_each, 0, None), **more)
+            count = len(corners) // 3
+            one_each = np.broadcast_to(np.int64(1), count)
+            three_each = np.broadcast_to(np.int64(3), count)
+            return cls(positions, corners, three_each, Triangulation(one_each, 0, None), **more)
         return cls(positions, corners, sizes, triangulate(positions, corners, sizes, source), **more)
 
     @property

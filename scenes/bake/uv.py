@@ -23,9 +23,9 @@ from obscurance.ao.texture.uv_layout import (
 from obscurance.ao.texture.uv_surface import corner_places
 from obscurance.raytrace.errors import MeshError, OptionError
 from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
-from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.mesh.weld import connected_components
-from obscurance.raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Bools, Float64s, Int32s, Int64s
 
 from ..asset.asset import Asset
 from ..asset.objects import ObjectSelection
@@ -68,7 +68,7 @@ def coordinates(plan: Plan, source: Asset, chosen: ObjectSelection) -> Coordinat
         uv = chosen.on_pages(uv)
         texels = _resolved_size(mesh, uv, size)
         new = ~on_page(uv) & receive & (requested == "fill")
-        areas = face_normals(mesh.vertices, mesh.faces)[1] * receive
+        areas = face_areas(mesh.vertices, mesh.faces) * receive
         cramped = _cramped(mesh, uv, areas, texels)
         lost = cramped | (on_page(uv) & ~have_area(uv) & (areas > 0))
         if new.any():
@@ -128,7 +128,7 @@ def _resolved_size(mesh: Mesh, uv: Float64s, size: tuple[int, int] | str) -> tup
     if isinstance(size, tuple):
         return size
     length = resolve_length("texel_size", size, mesh.radius)
-    areas = face_normals(mesh.vertices, mesh.faces)[1]
+    areas = face_areas(mesh.vertices, mesh.faces)
     shown = on_page(uv)
     return page_size(texels_across(uv[shown], areas[shown], length))
 
@@ -156,7 +156,7 @@ def unwrap(mesh: Mesh | Any, size: int = 1024, uv: Any = None) -> Float64s:
     mesh = mesh_of(mesh, "unwrap")
     centred = (mesh.vertices - mesh.centre) / max(mesh.radius, 1e-300)
     # Pieces to unwrap: the whole mesh, or the flattened charts of `uv` and the faces without any.
-    pieces = [(np.arange(len(mesh.faces)), centred, mesh.faces)]
+    pieces: list[tuple[Int64s, Float64s, AnyInts]] = [(np.arange(len(mesh.faces)), centred, mesh.faces)]
     if uv is not None:
         old = corner_uv(uv, mesh)
         pieces = list(_flat_charts(centred, mesh.faces, old, size))
@@ -182,8 +182,8 @@ def unwrap(mesh: Mesh | Any, size: int = 1024, uv: Any = None) -> Float64s:
 
 
 def _flat_charts(
-    vertices: Float64s, faces: Int64s, uv: Float64s, size: int
-) -> Iterator[tuple[Int64s, Float64s, Int64s]]:
+    vertices: Float64s, faces: Int32s, uv: Float64s, size: int
+) -> Iterator[tuple[Int64s, Float64s, AnyInts]]:
     """The charts of `uv` (m, 3, 2), mirrored halves apart: rows of faces, and a flat mesh of the area that it has."""
     face_rows = np.flatnonzero(have_area(uv))
     if not len(face_rows):
@@ -191,7 +191,7 @@ def _flat_charts(
     uv = uv[face_rows]
     faces = faces[face_rows]
     doubled = doubled_areas(uv)
-    areas = face_normals(vertices, faces)[1]
+    areas = face_areas(vertices, faces)
     points = np.unique(vertices, axis=0, return_inverse=True)[1].reshape(-1)[faces]
     corners = 2 * corner_places(uv * size, points) + (doubled < 0)[:, None]
     chart = connected_components(corners, int(corners.max()) + 1)[corners[:, 0]]

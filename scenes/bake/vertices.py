@@ -41,11 +41,11 @@ if TYPE_CHECKING:
 def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
     """The size of the bake."""
     from obscurance.ao.memory import bytes_at_vertices
-    from obscurance.raytrace.mesh.normals import face_normals
+    from obscurance.raytrace.mesh.normals import face_areas
 
     chosen = inputs.chosen
     used = np.zeros(len(chosen.mesh.vertices), np.bool_)
-    used[chosen.mesh.faces[face_normals(chosen.mesh.vertices, chosen.mesh.faces)[1] > 0]] = True
+    used[chosen.mesh.faces[face_areas(chosen.mesh.vertices, chosen.mesh.faces) > 0]] = True
     points = int(np.count_nonzero(used if chosen.only is None else used & chosen.only))
     if inputs.source.cloud:
         points = len(inputs.source.cloud[0])

@@ -7,7 +7,7 @@ import numpy as np
 
 from obscurance.ao.points.receivers import Flag, find_receivers
 from obscurance.raytrace.errors import InputError, printable
-from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.solids import inward_warnings
 from obscurance.raytrace.mesh.warnings import outlier_warnings, precision_warnings
@@ -29,7 +29,7 @@ def facts(source: Asset) -> dict[str, Any]:
     except InputError as fault:  # an image of alpha
         unread = [f"{fault}; its faces are taken for opaque here".removeprefix(f"{source.path}: ")]
         receivers = find_receivers(replace(mesh, opacity=None), placement)
-    _, area = face_normals(placement.vertices.astype(np.float64), mesh.faces)
+    area = face_areas(placement.vertices, mesh.faces)
     corners = coincident(placement.vertices, mesh.faces)[mesh.faces]
     edges = np.sort(corners[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     edges = edges[edges[:, 0] < edges[:, 1]]

@@ -14,7 +14,7 @@ from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.raytrace.system.atomic import check_writable, write_bytes
 from obscurance.raytrace.system.checks import check_outputs
-from obscurance.raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Bools, Float64s
 
 from ..formats.gltf.textured import check_vertices
 from ..formats.load import load, parser_errors
@@ -84,7 +84,7 @@ def _visible_mesh(mesh: Mesh, seen: Bools, output: Path) -> bytes:
     return "\n".join([*lines, ""]).encode()
 
 
-def _stl(vertices: Float64s, faces: Int64s, output: Path) -> bytes:
+def _stl(vertices: Float64s, faces: AnyInts, output: Path) -> bytes:
     """A binary STL. Raises: OptionError: float32, which it has, moves vertices by a millionth of their extent."""
     with np.errstate(over="ignore"):
         rounded = vertices.astype("<f4")

@@ -8,7 +8,10 @@ from interrupted_bakes import bits
 from meshes import hills, two_boxes
 
 from obscurance import ao
+from obscurance.ao.estimate import one_ring, scales
+from obscurance.ao.execute import tracer
 from obscurance.raytrace import Mesh
+from obscurance.raytrace.bvh import bvh16
 
 STEEP = hills(40)[0] * [1, 1, 40], hills(40)[1][:, ::-1]
 ENTRIES = {name: bake for name, bake in BAKES.items() if name not in ("binary", "limited")} | {
@@ -30,3 +33,17 @@ def test_threads_change_nothing_and_seeds_do(entry):
     one, other = (facts(ENTRIES[entry](threads=count)) for count in (1, 3))
     assert other == one
     assert facts(ENTRIES[entry](seed=1)) != one
+
+
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_what_saves_memory_changes_nothing(entry, monkeypatch):
+    """Parts of points, of edges and of cells, and triangles that are let go between rays."""
+    whole = facts(ENTRIES[entry]())
+    released = []
+    monkeypatch.setattr(bvh16, "_LARGE", 0)
+    monkeypatch.setattr(bvh16, "give_memory_back", lambda: released.append(1))
+    for module, name, size in (tracer, "_AT_ONCE", 70), (one_ring, "_LISTED", 30), (scales, "_BLOCK", 40):
+        monkeypatch.setattr(module, name, size)
+    monkeypatch.setattr(one_ring, "_PARTS", 1 << 30)
+    assert facts(ENTRIES[entry]()) == whole
+    assert released or entry == "surface"  # which traces by Embree

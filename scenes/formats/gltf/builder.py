@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from obscurance.raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Float64s
 
 from ...asset.primitive import BAKED, W, known_columns
 from .accessors import COMPONENTS
@@ -68,7 +68,7 @@ class GlbBuilder:
         return offset
 
     def annotate(
-        self, primitive: dict[str, Any], bake: Bake, vertices: Int64s, colors: str, stored: npt.NDArray[Any] | None
+        self, primitive: dict[str, Any], bake: Bake, vertices: AnyInts, colors: str, stored: npt.NDArray[Any] | None
     ) -> None:
         """Give a primitive a bake of its vertices, floats, and the profile in 16 bits, four columns an attribute.
 

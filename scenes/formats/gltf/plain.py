@@ -10,7 +10,7 @@ from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.corners import split_corners, split_creases
 from obscurance.raytrace.mesh.mesh import Mesh, PerCorner
 from obscurance.raytrace.mesh.normals import nonzero
-from obscurance.raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Float64s, Int64s
 
 from ...asset.asset import Asset, Part
 from .accessors import flipped
@@ -30,7 +30,7 @@ class Drawn(NamedTuple):
 
     primitive: dict[str, Any]
     vertices: Int64s
-    rows: Int64s
+    rows: AnyInts
 
 
 def plain(asset: Asset, colors: str) -> tuple[GlbBuilder, list[Drawn]]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from obscurance.ao import Bake
 from obscurance.raytrace.mesh.mesh import Mesh, up_axis
-from obscurance.raytrace.mesh.normals import face_normals, normalize
+from obscurance.raytrace.mesh.normals import face_areas, normalize
 from obscurance.raytrace.types import AnyFloats, Float64s
 
 from ...asset.asset import Asset
@@ -107,7 +107,7 @@ def _of_polygons(bake: Bake, asset: Asset) -> Bake:
     polygon = asset.triangles.polygons
     if polygon is None:
         return replace(bake, profile=None)
-    areas = np.maximum(face_normals(bake.mesh.vertices, bake.mesh.faces)[1], 1e-300)
+    areas = np.maximum(face_areas(bake.mesh.vertices, bake.mesh.faces), 1e-300)
     count = len(asset.sizes)
     whole = np.maximum(np.bincount(polygon, areas, count), 1e-300)
 

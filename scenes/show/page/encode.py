@@ -22,7 +22,7 @@ from obscurance.raytrace.errors import numbers
 from obscurance.raytrace.image.texture import Wrap
 from obscurance.raytrace.mesh.corners import split_creases
 from obscurance.raytrace.mesh.normals import normalize
-from obscurance.raytrace.types import AnyFloats, Float64s, Int64s, UInt8s
+from obscurance.raytrace.types import AnyFloats, Float64s, Int32s, Int64s, UInt8s
 
 from ...asset.primitive import StoredBake
 from .base_colour import BaseColour, shrunk, uv_steps
@@ -179,7 +179,7 @@ def _runs(shown: Int64s) -> list[list[int]]:
     return [[end - begin, *shown[:, begin].tolist()] for begin, end in pairwise(ends)]
 
 
-def _sorted(faces: Int64s, image: Int64s | None) -> Int64s:
+def _sorted(faces: Int32s, image: Int64s | None) -> Int64s:
     """The corners (m, 3) of the faces (m, 3), turned to begin with their least vertex, and sorted: by `image` first."""
     least = np.argmin(faces, axis=1)
     corners = 3 * np.arange(len(faces))[:, None] + (least[:, None] + np.arange(3)) % 3
@@ -187,7 +187,7 @@ def _sorted(faces: Int64s, image: Int64s | None) -> Int64s:
     return np.asarray(corners[order])
 
 
-def _differences(faces: Int64s) -> Int64s:
+def _differences(faces: Int32s) -> Int32s:
     """Small numbers, (3, m), that compress well, in place of the vertices of `_sorted` faces (m, 3): by how much the
     lowest vertex grows from face to face, and how far the other two lie above it."""
     stored = faces.copy()

@@ -17,7 +17,7 @@ MESH = Mesh(*hills(90))
 
 def graph(threads: int) -> Neighbours:
     receivers = find_receivers(MESH, Placement.of(MESH))
-    return Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals, threads)
+    return Neighbours.of(receivers.faces, receivers.of_vertex, receivers.points.normals, threads)
 
 
 def rings(neighbours: Neighbours) -> list[set[int]]:

@@ -19,6 +19,11 @@ def listed(faces):
     return rings
 
 
+def one_rings(faces: np.ndarray, normals: np.ndarray, threads: int) -> Neighbours:
+    """Of faces of points, −1 for none: that of the first vertex."""
+    return Neighbours.of((faces + 1).astype(np.int32), np.arange(-1, POINTS), normals, threads)
+
+
 @pytest.mark.parametrize("threads", [1, 5])
 def test_one_rings_are_those_of_the_edges_of_faces(threads):
     random = np.random.default_rng(3)
@@ -28,7 +33,7 @@ def test_one_rings_are_those_of_the_edges_of_faces(threads):
     faces[5000:5100, 1] = faces[5000:5100, 0]
     faces[6000:6100] = faces[7000:7100]  # doubled faces
     normals = np.tile(np.float32([0, 0, 1]), (POINTS, 1))
-    found = Neighbours.of(faces, normals, threads)
+    found = one_rings(faces, normals, threads)
     expected = listed(faces)
     assert found.starts[0] == 0
     assert np.array_equal(np.diff(found.starts), [len(ring) for ring in expected])
@@ -39,7 +44,7 @@ def test_one_rings_are_those_of_the_edges_of_faces(threads):
 def test_one_rings_among_some_points_are_of_these_alone():
     random = np.random.default_rng(5)
     normals = np.tile(np.float32([0, 0, 1]), (POINTS, 1))
-    neighbours = Neighbours.of(random.integers(-1, POINTS, (12000, 3)), normals, 2)
+    neighbours = one_rings(random.integers(-1, POINTS, (12000, 3)), normals, 2)
     kept = np.flatnonzero(random.random(POINTS) < 0.3)
     kept_set = set(kept.tolist())
     among = neighbours.among(kept)

@@ -31,7 +31,7 @@ SCENES = {
 
 def rings(mesh: Mesh) -> tuple[Neighbours, Points]:
     receivers = find_receivers(mesh, Placement.of(mesh))
-    return Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals, 2), receivers.points
+    return Neighbours.of(receivers.faces, receivers.of_vertex, receivers.points.normals, 2), receivers.points
 
 
 def rows(values: np.ndarray, points: Points) -> np.ndarray:

@@ -96,7 +96,7 @@ def test_the_first_rays_of_neighbours_are_even_together() -> None:
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
     points = receivers.points
-    scene = RayScene(placement.vertices, receivers.faces, receivers.tree, receivers.embree)
+    scene = RayScene(placement.vertices, receivers.faces, receivers.hierarchy, receivers.embree)
     mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
     tracer = Tracer(scene, mu, placement.diagonal, 1, len(points))
     truth = tracer.gather(points, 256, np.uint32(9))[:, 0, 0]
@@ -165,7 +165,7 @@ def test_what_varies_linearly_is_filled_in_exactly() -> None:
     faces = np.concatenate([np.stack([cell, cell + 20, cell + 21], -1), np.stack([cell, cell + 21, cell + 1], -1)])
     mesh = Mesh(np.stack([x, y, 0 * x], -1), faces)
     receivers = find_receivers(mesh, Placement.of(mesh))
-    near = Neighbours.of(receivers.of_vertex[receivers.faces], receivers.points.normals, 2)
+    near = Neighbours.of(receivers.faces, receivers.of_vertex, receivers.points.normals, 2)
     baked = np.arange(400) % 4 == 0
     owner = nearest_baked(near, baked)
     assert baked[owner].all()

@@ -73,7 +73,7 @@ def test_a_normal_behind_one_of_its_faces_is_moved_in_front_of_all():
         [[0, 0, 1.0], *[[np.sin(tilt) * np.cos(a), np.sin(tilt) * np.sin(a), np.cos(tilt)] for a in (0, 2, 4)]]
     )
     start = np.array([[-0.8, 0.0, -0.6]])
-    moved, directions, clearance = outermost_normals(start, np.zeros((4, 3), np.int64), faces)
+    moved, directions, clearance = outermost_normals(start, np.zeros((4, 3), np.int32), faces)
     assert (faces @ moved[0]).min() > 0
     assert (faces @ directions[0]).min() == pytest.approx(clearance[0])
 

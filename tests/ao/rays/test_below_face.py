@@ -39,7 +39,7 @@ def test_few_rays_a_place_are_right_in_the_mean(cone):
     """Two estimates were divided, of what is open and of what is above the face: .01 too bright by two rays a place."""
     floor = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], np.float32)
     wall = np.array([[0.5, -9, 0], [0.5, 9, 0], [0.5, 9, 9], [0.5, -9, 9]], np.float32)
-    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 6, 5], [4, 7, 6]], np.int32)
     scene = RayScene.of(np.concatenate([floor, wall]), faces, cone=cone)
     count = 1 << 15
     place = np.zeros((count, 3))

@@ -9,7 +9,7 @@ from obscurance.scenes.geometry.polyhedra import icosphere
 
 def soup(faces):
     corners = np.random.default_rng(faces).normal(size=(faces, 3, 3)).astype(np.float32)
-    return corners.reshape(-1, 3), np.arange(3 * faces).reshape(-1, 3)
+    return corners.reshape(-1, 3), np.arange(3 * faces, dtype=np.int32).reshape(-1, 3)
 
 
 @pytest.mark.parametrize("faces", [1, 16, 17, 300, 5000, 70_000])
@@ -35,7 +35,7 @@ def test_a_tree_holds_every_triangle_once_within_its_boxes(faces):
 
 
 def test_no_triangles_make_a_tree_without_any():
-    tree = BVH16.of(np.zeros((3, 3), np.float32), np.zeros((0, 3), np.int64))
+    tree = BVH16.of(np.zeros((3, 3), np.float32), np.zeros((0, 3), np.int32))
     assert np.isnan(tree.boxes).all()
 
 
@@ -60,7 +60,7 @@ def test_halves_lie_beside_each_other_down_to_the_parts_of_threads():
 
 def test_sixteen_neighbours_make_a_small_leaf():
     vertices, faces = icosphere(5)  # 20,480 faces of about equal size
-    tree = BVH16.of(np.asarray(vertices, np.float32), faces)
+    tree = BVH16.of(np.asarray(vertices, np.float32), faces.astype(np.int32))
     sides = np.nanmax(tree.triangles.reshape(-1, 3, 3, 16), axis=(1, 3))
     sides -= np.nanmin(tree.triangles.reshape(-1, 3, 3, 16), axis=(1, 3))
     edge = np.sqrt(16 * 4 * np.pi / len(faces))  # of a square of as much surface

@@ -307,4 +307,4 @@ def test_slivers_side_by_side_whose_boxes_are_oriented_are_baked_without_numba()
     command = [sys.executable, "-c", NO_NUMBA + HAIR]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout == "['_find_smooth', '_search', 'gather_hemispheres'] []\n"
+    assert done.stdout == "['_find_smooth', '_search', '_search', 'gather_hemispheres'] []\n"

@@ -105,6 +105,7 @@ WRONG = {
     "numbers": ((1, 2), "vertices: expected shape"),
     "faces of fractions": ((POINTS, FACES + 0.5), "faces: expected integers"),
     "a row too many": ((POINTS, FACES + 2), "expected indices from 0 to 4"),
+    "rows that are none of 32 bits": ((POINTS, FACES + (1 << 32)), "expected indices from 0 to 4"),
 }
 
 

@@ -36,7 +36,7 @@ CASES = {
 def test_parts_that_look_inwards_are_counted(name):
     parts, expected = CASES[name]
     vertices, faces = join(parts)
-    assert inward_looking(np.asarray(vertices, np.float32), np.asarray(faces, np.int64))[0] == expected
+    assert inward_looking(np.asarray(vertices, np.float32), np.asarray(faces, np.int32))[0] == expected
     assert len(inward_warnings(Mesh(vertices, faces))) == bool(expected)
 
 
@@ -76,4 +76,4 @@ def test_of_many_parts_those_within_others_are_cavities(seed):
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in boxes)])
     vertices = np.concatenate([vertices for vertices, _ in boxes]).astype(np.float32)
     faces = np.concatenate([faces + start for (_, faces), start in zip(boxes, starts[:-1], strict=True)])
-    assert inward_looking(vertices, faces)[:2] == (expected, len(boxes))
+    assert inward_looking(vertices, faces.astype(np.int32))[:2] == (expected, len(boxes))

@@ -64,10 +64,11 @@ def test_contacts_are_those_of_brute_force(seed):
     sphere = icosphere(2)
     needles = rng.normal(size=(40, 1, 3)) + rng.normal(size=(40, 3, 3)) * rng.choice([1e-3, 3.0], size=(40, 1, 3))
     vertices, faces = join([sphere, grid(3, 1.7), (needles.reshape(-1, 3), np.arange(120).reshape(-1, 3))])
+    faces = faces.astype(np.int32)
     points = np.concatenate([vertices, rng.normal(size=(200, 3))])
     reach, margin = rng.uniform(0, 0.3, len(points)), rng.uniform(0, 0.1, len(faces)).astype(np.float32)
     tree = BVH16.of(vertices.astype(np.float32), faces)
-    surface = Surface.of(vertices, faces, np.zeros((len(faces), 3)))._replace(rounding=margin)
+    surface = Surface.of(vertices, faces, np.zeros(len(faces), np.bool_))._replace(rounding=margin)
     found = find_contacts(tree, surface, points, reach, faces, np.arange(len(points)))
     corners = vertices[faces]
     expected = {
@@ -100,19 +101,20 @@ def _distances(p, corners):
 
 def test_no_points_and_no_faces_have_no_contacts():
     nothing = np.zeros((0, 3))
-    none = np.zeros((0, 3), np.int64)
+    none = np.zeros((0, 3), np.int32)
     vertices, faces = grid(1)
+    faces = faces.astype(np.int32)
     tree = BVH16.of(vertices.astype(np.float32), faces)
-    surface = Surface.of(vertices, faces, np.zeros((len(faces), 3)))
+    surface = Surface.of(vertices, faces, np.zeros(len(faces), np.bool_))
     assert len(find_contacts(tree, surface, nothing, np.zeros(0), faces, np.arange(0)).point) == 0
-    empty = Surface.of(vertices, none, nothing)
+    empty = Surface.of(vertices, none, np.zeros(0, np.bool_))
     assert len(find_contacts(tree, empty, vertices, np.ones(len(vertices)), none, np.arange(len(vertices))).point) == 0
 
 
 def test_clearance_is_asked_for():
     start = np.array([[1.0, 0.0, 0.0]])
     faces = np.array([[1.0, 0, 0], [np.sin(0.05), np.cos(0.05), 0]])
-    moved, directions, clearance = outermost_normals(start, np.zeros((2, 1), np.int64), faces)
+    moved, directions, clearance = outermost_normals(start, np.zeros((2, 1), np.int32), faces)
     assert np.array_equal(moved, start)
     assert clearance[0] == pytest.approx((faces @ directions[0]).min())
     assert clearance[0] >= 0.3

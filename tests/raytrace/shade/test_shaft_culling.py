@@ -101,7 +101,7 @@ def test_no_ray_of_an_unobstructed_shaft_meets_anything(kind):
     for _ in range(60):
         centres = rng.uniform(-0.8, 0.8, (40, 1, 3))
         triangles = (centres + rng.normal(scale=0.03, size=(40, 3, 3))).astype(np.float32)
-        vertices, faces = triangles.reshape(-1, 3), np.arange(120).reshape(40, 3)
+        vertices, faces = triangles.reshape(-1, 3), np.arange(120, dtype=np.int32).reshape(40, 3)
         boxes = pack_boxes(cluster(vertices, faces, 1))
         embree = TriangleScene(vertices, faces)
         for _ in range(20):
@@ -121,7 +121,7 @@ def test_no_ray_of_an_unobstructed_shaft_meets_anything(kind):
 
 def test_a_floor_hides_no_light_from_what_stands_above_it():
     floor = np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    boxes = pack_boxes(cluster(floor, np.array([[0, 1, 2], [0, 2, 3]]), 1))
+    boxes = pack_boxes(cluster(floor, np.array([[0, 1, 2], [0, 2, 3]], np.int32), 1))
     points = np.float32([[0.1, 0.1, 1e-6], [0.2, 0.3, 2e-6]])
     above, below = PointLight(position=(0.3, 0.1, 0.5)), PointLight(position=(0.3, 0.1, -0.5))
     assert not obstructed(boxes, 8.0, box_of(points), NO_SHIFT, *packed(above))
@@ -158,5 +158,5 @@ def test_very_many_boxes_become_boxes_around_them():
 @pytest.mark.parametrize("size", [0.0, 1e-44, 1e-32, 1e-28])
 def test_boxes_of_something_tiny(size):
     corners = np.array([[0, 0, 0], [size, 0, 0], [0, size, 0]], np.float32)
-    boxes = cluster(corners, np.array([[0, 1, 2]]), 1)
+    boxes = cluster(corners, np.array([[0, 1, 2]], np.int32), 1)
     np.testing.assert_array_equal(boxes, [[corners.min(axis=0), corners.max(axis=0)]])

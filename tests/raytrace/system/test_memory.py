@@ -168,11 +168,11 @@ def test_geometry_is_let_go_of_where_a_bake_does_not_fit_beside_it(room, kept, t
 
 def test_points_that_do_not_fit_are_refused_once_they_are_counted(available_memory):
     """Loose triangles have six times the points of a closed surface."""
-    corners = np.random.default_rng(0).uniform(size=(6000, 3))
+    corners = np.random.default_rng(0).uniform(size=(9000, 3))
     room = iter([1 << 40, MIB])
     available_memory(lambda: next(room))
-    with pytest.raises(MemoryLimitError, match=r"at most 1 MiB.* to trace rays at 6,000 points"):
-        ao.bake(Mesh(corners, np.arange(6000).reshape(-1, 3)), samples=1)
+    with pytest.raises(MemoryLimitError, match=r"at most 1 MiB.* to trace rays at 9,000 points"):
+        ao.bake(Mesh(corners, np.arange(9000).reshape(-1, 3)), samples=1)
 
 
 PEAK = """
