@@ -25,6 +25,7 @@ from .interpolation_error import measure_interpolation
 from .memory import TRACED, bytes_at_vertices, column_bytes
 from .options import (
     DEFAULT_SAMPLES,
+    FITS_INPUT,
     At,
     BackFaces,
     Interior,
@@ -157,10 +158,12 @@ def bake_vertices(options: VertexArguments) -> Bake:
     """`bake`, of arguments that are checked."""
     # What is given: the mesh, what occludes it, and whether it fits into memory.
     high, only = options.high, options.only
-    if high is not None and (options.method == "surface" or only is not None):
-        raise ConflictError("high", "does not go with", "only" if only is not None else ("method", "surface"))
+    if high is not None and only is not None:
+        raise ConflictError("high", "does not go with", "only")
+    if high is not None and options.method == "surface":
+        raise ConflictError("high", "does not go with", ("method", "surface"), why=FITS_INPUT)
     if high is not None and options.at == "faces":
-        raise ConflictError("high", "does not go with", ("at", "faces"))
+        raise ConflictError("high", "does not go with", ("at", "faces"), why="as w is found where vertices are")
     mesh = mesh_of(options.mesh, "bake")
     occluders = occluding(options.occluders, high)
     solid = mesh if high is None else mesh_of(high, "bake")

@@ -108,9 +108,7 @@ def _spread(areas: Float64s, key: np.uint32) -> tuple[Int64s, Float32s]:
     return face, np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
 
 
-def _on_faces(
-    corners: Float64s, backwards: Bools, axes: VertexAxes, weights: Float32s
-) -> tuple[Points, LocatedPoints]:
+def _on_faces(corners: Float64s, backwards: Bools, axes: VertexAxes, weights: Float32s) -> tuple[Points, LocatedPoints]:
     """Points on faces of `corners` (k, 3, 3), whose vertices have `axes` (3 k, 3), lifted and as they are."""
     count = len(corners)
     numbers = np.arange(count, dtype=np.int32)

@@ -22,6 +22,7 @@ DEFAULT_TOLERANCE = 0.005
 DEFAULT_SAMPLES = 256  # where no tolerance can be met: in parts, and without denoising
 _MOST_FOR_TOLERANCE = 1 << 14
 _FITTED = 1 << 26  # rays of the surface method in all, at most: a coarse mesh needs more a vertex than a dense one
+FITS_INPUT = "which fits over the input's own faces"
 OCTAVES = tuple(0.005 * 2**octave for octave in range(10))  # half-distances of profiles, of the radius
 
 Method = Literal["vertex", "surface"]
@@ -87,7 +88,8 @@ class Options:
         if is_length(self.cage):
             resolve_length("cage", self.cage, 1.0)
         if self.thickness and self.interior in ("mark", "fill"):
-            raise ConflictError("thickness", "does not go with", ("interior", self.interior))
+            interior = "interior", self.interior
+            raise ConflictError("thickness", "does not go with", interior, why="as rays start inside")
 
     @property
     def method(self) -> Method:
@@ -186,7 +188,7 @@ class VertexOptions(Options):
         if self.method == "vertex":
             return
         if self.at == "faces":
-            raise ConflictError(("at", "faces"), "does not go with", ("method", "surface"))
+            raise ConflictError(("at", "faces"), "does not go with", ("method", "surface"), why="which fits vertices")
 
 
 @options_record
@@ -208,5 +210,5 @@ class TextureOptions(Options):
 
         super().__post_init__()
         if self.interior == "mark":
-            raise ConflictError(("interior", "mark"), "does not go with", "a texture")
+            raise ConflictError(("interior", "mark"), "does not go with", "a texture", why="whose texels have no flags")
 # fmt: on

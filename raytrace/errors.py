@@ -161,11 +161,13 @@ class ConflictError(OptionError):
 
     Args:
         first, second: names of options, or pairs of a name and the value that matters; `second` also in words.
-        relation: `first` to `second`.
+        relation: `first` to `second`. why: a clause, or nothing where it is plain.
     """
 
-    def __init__(self, first: Term, relation: Relation, second: Term, source: object = "options") -> None:
-        self.first, self.relation, self.second = first, relation, second
+    def __init__(
+        self, first: Term, relation: Relation, second: Term, source: object = "options", why: str = ""
+    ) -> None:
+        self.first, self.relation, self.second, self.why = first, relation, second, why
         super().__init__(first if isinstance(first, str) else first[0], "options that go together", "others", source)
         self.args = (printable(f"{self.source}: {self.in_words(_in_python)}", LINE),)
 
@@ -174,7 +176,8 @@ class ConflictError(OptionError):
         option = describe(self.first)
         other = describe(self.second)
         excludes = self.relation == "excludes"
-        return f"{option} and {other} exclude each other" if excludes else f"{option} {self.relation} {other}"
+        pair = f"{option} and {other} exclude each other" if excludes else f"{option} {self.relation} {other}"
+        return f"{pair}, {self.why}" if self.why else pair
 
 
 def _in_python(term: Term) -> str:

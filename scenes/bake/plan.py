@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from obscurance import ao
 from obscurance.ao.falloff import Falloffs, resolve_length
-from obscurance.ao.options import Options, TextureOptions, VertexOptions
+from obscurance.ao.options import FITS_INPUT, Options, TextureOptions, VertexOptions
 from obscurance.raytrace.errors import ConflictError, OptionError, Relation, Term
 from obscurance.raytrace.system.checks import check_ending, check_outputs
 from obscurance.raytrace.system.threads import thread_count
@@ -316,7 +316,7 @@ def _check_vertices(plan: Plan) -> None:
     options = plan.options
     check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
     if options.high is not None and options.method == "surface":
-        raise ConflictError("high", "does not go with", ("method", "surface"))
+        raise ConflictError("high", "does not go with", ("method", "surface"), why=FITS_INPUT)
     if options.profile and "profile" not in format_of(plan.output).holds:
         raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
 

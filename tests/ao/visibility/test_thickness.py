@@ -142,7 +142,8 @@ def test_holes_are_told():
 
 @pytest.mark.parametrize("interior", ["mark", "fill"])
 def test_solids_that_mark_are_refused(interior):
-    with pytest.raises(ConflictError, match=f"^options: thickness does not go with interior='{interior}'$"):
+    said = f"^options: thickness does not go with interior='{interior}', as rays start inside$"
+    with pytest.raises(ConflictError, match=said):
         Options(thickness=True, interior=interior)
 
 

@@ -267,7 +267,8 @@ def test_the_three_forms_of_conflicts():
     for kind, said in {"texture": "does not go with a texture"}.items():
         with pytest.raises(ConflictError, match=f"options: colors {said}$"):
             check_kind(BakeOptions(mesh=[], colors="rgb"), kind)
-    with pytest.raises(ConflictError, match=r"^options: thickness does not go with interior='fill'$") as fault:
+    said = "^options: thickness does not go with interior='fill', as rays start inside$"
+    with pytest.raises(ConflictError, match=said) as fault:
         Options(thickness=True, interior="fill")
     assert (fault.value.first, fault.value.relation) == ("thickness", "does not go with")
 
