@@ -242,7 +242,8 @@ def killed_in_mid_block(cluster, folder, victims):
 
 
 def kill(pid):
-    os.kill(pid, signal.SIGKILL)
+    with suppress(ProcessLookupError):  # its nanny may have ended it
+        os.kill(pid, signal.SIGKILL)
 
 
 class Attack:
