@@ -7,9 +7,10 @@ concave polygons and the order of vertices are kept, all in bounded memory (evid
 import re
 
 from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.types import Float64s
 
 from ..asset.asset import Asset
-from ..asset.primitive import NORMAL, Column, ColumnSet, Primitive
+from ..asset.primitive import COLOR, NORMAL, Column, ColumnSet, Primitive
 from .number_rows import NumberRows, whole
 from .table import MeshInput
 
@@ -17,7 +18,8 @@ _HEADER = re.compile(rb"(?:\s|#[^\n\r]*+)*+((?:ST)?C?N?)OFF\b(?!\s+BINARY)")
 
 
 def read_off(mesh_input: MeshInput) -> Asset:
-    """The polygons, with normals of the variant N; no colours. Raises: MeshError, ValueError: it is malformed."""
+    """The polygons, with normals of the variant N, colours of C and texture coordinates of ST at the vertices; no
+    colours of faces. Raises: MeshError, ValueError: it is malformed."""
     source = mesh_input.source
     data = mesh_input.file.read()
     header = _HEADER.match(data)
@@ -43,11 +45,30 @@ def read_off(mesh_input: MeshInput) -> Asset:
     vertex_rows = lines.take(of_vertices, 0, width, fault).reshape(-1, width)
     sizes, values = lines.take_lists(of_faces, 0, fault)
     corners = whole(values)
-    columns = ColumnSet({NORMAL: Column(vertex_rows[:, 3:])} if has_normals else {})
-    primitive = Primitive.of(vertex_rows[:, :3], corners, sizes, source, columns=columns)
-    has_colours = b"C" in header[1] or bool((lines.lengths[of_faces] > sizes + 1).any())
-    unread = ("colours",) if has_colours else ()
+    columns = {NORMAL: Column(vertex_rows[:, 3:])} if has_normals else {}
+    # Further numbers of the vertices, if all have as many: colours, then texture coordinates.
+    length = lines.lengths[of_vertices]
+    further = int(length[0]) - width
+    if further > 0 and (length == length[0]).all():
+        rest = lines.take(of_vertices, width, further, fault).reshape(-1, further)
+        if b"ST" in header[1]:
+            columns["uv0"] = Column(rest[:, -2:])
+            rest = rest[:, :-2]
+        if b"C" in header[1] and (colours := _colours(rest)):
+            columns[COLOR] = colours
+    primitive = Primitive.of(vertex_rows[:, :3], corners, sizes, source, columns=ColumnSet(columns))
+    kept = COLOR in columns or b"C" not in header[1]
+    has_others = bool((lines.lengths[of_faces] > sizes + 1).any())
+    unread = ("colours",) if not kept or has_others else ()
     return Asset.single(mesh_input.path, mesh_input.name, primitive, unread=unread)
+
+
+def _colours(values: Float64s) -> Column | None:
+    """Colours (n, 3), or (n, 4) with alpha, of numbers up to 1, or else up to 255; None of others."""
+    largest = 255.0 if values.max(initial=0.0) > 1 else 1.0
+    if values.shape[1] not in (3, 4) or not ((values >= 0) & (values <= largest)).all():
+        return None
+    return Column(values / largest, srgb=True)
 
 
 FORMATS = (

@@ -135,6 +135,18 @@ def test_variants_of_off(tmp_path, header, row, has_normals):
     assert (file.mesh.normals is not None) == has_normals
     if has_normals:
         assert np.array_equal(file.mesh.normals, NORMALS)
+    if "C" in header:
+        np.testing.assert_array_equal(file.columns("color")[0].values[0, :3], [1, 0, 0])
+        assert not file.unread
+    assert (file.uv is not None) == ("ST" in header)
+
+
+@pytest.mark.parametrize("row", ["{} {} {} 3", "{} {} {} -1 0 0", "{} {} {} 0 0 256", "{} {} {}"])
+def test_colours_of_off_that_are_none_are_left_out(tmp_path, row):
+    rows = [row.format(*vertex) for vertex in VERTICES] + ["3 0 1 3", "3 0 3 4", "3 2 5 3"]
+    file = read(tmp_path, "m.off", ("COFF\n7 3 0\n" + "\n".join(rows)).encode())
+    assert file.unread == ("colours",)
+    assert not file.columns("color")
 
 
 @pytest.mark.parametrize("header", ["4OFF", "nOFF", "OFF BINARY", "off", "PLY OFF"])
