@@ -5,6 +5,7 @@ concave polygons and the order of vertices are kept, all in bounded memory (evid
 """
 
 import re
+from contextlib import suppress
 
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.types import Float64s
@@ -46,21 +47,30 @@ def read_off(mesh_input: MeshInput) -> Asset:
     sizes, values = lines.take_lists(of_faces, 0, fault)
     corners = whole(values)
     columns = {NORMAL: Column(vertex_rows[:, 3:])} if has_normals else {}
-    # Further numbers of the vertices, if all have as many: colours, then texture coordinates.
-    length = lines.lengths[of_vertices]
-    further = int(length[0]) - width
-    if further > 0 and (length == length[0]).all():
-        rest = lines.take(of_vertices, width, further, fault).reshape(-1, further)
-        if b"ST" in header[1]:
-            columns["uv0"] = Column(rest[:, -2:])
-            rest = rest[:, :-2]
-        if b"C" in header[1] and (colours := _colours(rest)):
-            columns[COLOR] = colours
+    with suppress(ValueError):  # words that are no numbers are none of these
+        columns |= _further_columns(lines, of_vertices, width, header[1])
     primitive = Primitive.of(vertex_rows[:, :3], corners, sizes, source, columns=ColumnSet(columns))
     kept = COLOR in columns or b"C" not in header[1]
     has_others = bool((lines.lengths[of_faces] > sizes + 1).any())
     unread = ("colours",) if not kept or has_others else ()
     return Asset.single(mesh_input.path, mesh_input.name, primitive, unread=unread)
+
+
+def _further_columns(lines: NumberRows, rows: slice, width: int, variant: bytes) -> dict[str, Column]:
+    """Colours, and texture coordinates behind them, where all vertices have as many numbers. Args: width: of the
+    coordinates and normals before. Raises: ValueError: text that is not numbers."""
+    length = lines.lengths[rows]
+    further = int(length[0]) - width
+    if further <= 0 or (length != length[0]).any():
+        return {}
+    values = lines.take(rows, width, further, ValueError()).reshape(-1, further)
+    columns = {}
+    if b"ST" in variant and further >= 2:
+        columns["uv0"] = Column(values[:, -2:])
+        values = values[:, :-2]
+    if b"C" in variant and (colours := _colours(values)):
+        columns[COLOR] = colours
+    return columns
 
 
 def _colours(values: Float64s) -> Column | None:
