@@ -3,12 +3,10 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
-from functools import cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from obscurance.raytrace.embree import TriangleScene
 from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.mesh import Mesh, mesh_of
 from obscurance.raytrace.mesh.opacity import PackedOpacity
@@ -71,16 +69,13 @@ class PreparedMesh(Mesh):
         object.__setattr__(self, "receivers", find_receivers(self, self.placement, self.axes))
 
     def receivers_for(self, options: Options) -> Receivers:
-        """A copy of the receivers for one bake, which may change flags and release the scene.
+        """A copy of the receivers for one bake, which may change flags.
 
         Raises: OptionError: other normals.
         """
         if options.normals != self.axes:
             raise OptionError("normals", f'"{self.axes}", by which the mesh was prepared', repr(options.normals))
-        receivers = self.receivers
-        make_scene = partial(TriangleScene, self.placement.vertices, receivers.faces)
-        embree = cache(receivers.embree if options.method == "vertex" else make_scene)
-        return replace(receivers, flags=receivers.flags.copy(), embree=embree, tree_seconds=0.0)
+        return replace(self.receivers, flags=self.receivers.flags.copy(), tree_seconds=0.0)
 
 
 def prepare(mesh: Mesh | Any, normals: Normals = "file") -> PreparedMesh:
@@ -155,9 +150,7 @@ class Prepared(NamedTuple):
         opacity = receivers.opacity
         if self.options.back_faces == "ignore":
             opacity = (opacity or PackedOpacity(np.full(len(receivers.faces), -1)))._replace(one_sided=np.int64(1))
-        return RayScene(
-            self.placement.vertices, receivers.faces, receivers.hierarchy, receivers.embree, opacity, self.options.cone
-        )
+        return RayScene(self.placement.vertices, receivers.faces, receivers.hierarchy, opacity, self.options.cone)
 
     def tracer(self, total_points: int) -> Tracer:
         """A tracer of up to `total_points` points, for a mesh all of its points, requested or not."""

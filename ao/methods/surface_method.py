@@ -79,6 +79,7 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Gathered]:
     checkpoint = prepared.checkpoint
     patch = Patch.of(prepared.placement, receivers, _requested(prepared))
     gathered = gather_moments(prepared, patch, rays)
+    receivers.hierarchy.release()
     if prepared.progress:
         prepared.progress(0, 1, "fit")
     problems, trial = build_problems(patch, gathered.moments, prepared.threads)

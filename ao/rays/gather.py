@@ -24,7 +24,6 @@ W, BATCH_VARIANCE, BENT = range(3)  # columns of rows: w, the variance between b
 COLUMNS = BENT + 3
 BEHIND, BELOW = COLUMNS, COLUMNS + 1  # columns of rows that are wider: rays that end on backs, and below `fronts`
 WIDER = COLUMNS + 2
-VALUES = [W, *range(BENT, COLUMNS)]
 _SUMS = BATCHES + 3  # rows: 1 − μ by batches of directions, (1 − μ)·direction
 
 

@@ -1,15 +1,13 @@
-"""The scene of a bake's rays: placed faces in a hierarchy of our own and, when first asked for, in Embree."""
+"""The scene of a bake's rays: placed faces in a hierarchy of our own."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
 
 import numpy as np
 
 from obscurance.raytrace.bvh.bvh16 import BVH16, Hierarchy
-from obscurance.raytrace.embree import TriangleScene
 from obscurance.raytrace.mesh.opacity import PackedOpacity
 from obscurance.raytrace.types import Float32s, Int32s
 
@@ -22,14 +20,12 @@ class RayScene:
 
     Attributes:
         vertices: float32 (n, 3). faces: int32 (m, 3), none degenerate. hierarchy: over the faces.
-        embree: the faces in Embree, built when it is first called, which must not be on two threads at once.
         opacity: of the faces, or None. cone: of directions, `DirectionTable.make`.
     """
 
     vertices: Float32s
     faces: Int32s
     hierarchy: Hierarchy
-    embree: Callable[[], TriangleScene]
     opacity: PackedOpacity | None = None
     cone: float = 1.0
     _last: tuple[tuple[int, int, int, int], DirectionTable] | None = None
@@ -37,8 +33,7 @@ class RayScene:
     @classmethod
     def of(cls, vertices: Float32s, faces: Int32s, opacity: PackedOpacity | None = None, cone: float = 1.0) -> RayScene:
         """A scene of its own, with the same bits wherever it is made."""
-        embree = cache(partial(TriangleScene, vertices, faces))
-        return cls(vertices, faces, Hierarchy(BVH16.of(vertices, faces), vertices, faces), embree, opacity, cone)
+        return cls(vertices, faces, Hierarchy(BVH16.of(vertices, faces), vertices, faces), opacity, cone)
 
     def __reduce__(self) -> tuple[Callable[..., RayScene], tuple[Float32s, Int32s, PackedOpacity | None, float]]:
         return RayScene.of, (self.vertices, self.faces, self.opacity, self.cone)

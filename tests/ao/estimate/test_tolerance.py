@@ -96,7 +96,7 @@ def test_the_first_rays_of_neighbours_are_even_together() -> None:
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
     points = receivers.points
-    scene = RayScene(placement.vertices, receivers.faces, receivers.hierarchy, receivers.embree)
+    scene = RayScene(placement.vertices, receivers.faces, receivers.hierarchy)
     mu = ao.Binary().resolve(mesh.radius).in_render_space(placement.scale)
     tracer = Tracer(scene, mu, placement.diagonal, 1, len(points))
     truth = tracer.gather(points, 256, np.uint32(9))[:, 0, 0]

@@ -1,6 +1,7 @@
 """The hemispheres of a bake by other rays than its walk's: Embree's, or every triangle in double precision."""
 
 from contextlib import contextmanager
+from functools import lru_cache
 from unittest.mock import patch
 
 import numpy as np
@@ -9,7 +10,7 @@ from obscurance.ao.execute.tracer import Hemispheres
 from obscurance.ao.mu import accumulate_occlusion, depends_on_distance
 from obscurance.ao.rays.directions import BATCHES, choose, turned_frame
 from obscurance.ao.rays.gather import BATCH_VARIANCE, BENT, COLUMNS, W
-from obscurance.raytrace.embree import intersect
+from obscurance.raytrace.embree import TriangleScene, intersect
 from obscurance.raytrace.mesh.opacity import alpha
 
 
@@ -59,10 +60,15 @@ def _occlusion(mu, distances, columns):
     return np.where(distances < mu.limit, 1 - open_part, 0.0)[:, None]
 
 
+@lru_cache(1)
+def _in_embree(scene):
+    return TriangleScene(scene.vertices, scene.faces)
+
+
 def by_embree(scene, origin, lift, directions, reach):
     """Closest hits of opaque faces."""
     assert scene.opacity is None
-    hits = intersect(scene.embree(), origin, directions, reach)
+    hits = intersect(_in_embree(scene), origin, directions, reach)
     rays = np.flatnonzero(hits.face >= 0)
     a, b, c = scene.vertices[scene.faces[hits.face[rays]]].astype(np.float64).swapaxes(0, 1)
     normals = np.cross(b - a, c - a)
