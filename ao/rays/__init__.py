@@ -1,1 +1,1 @@
-"""The rays of a point: directions, the traversal of them together, packets of them in Embree, and the estimator."""
+"""The rays of a point: directions, the traversal of them together, and the estimator."""

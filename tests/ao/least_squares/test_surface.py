@@ -267,7 +267,7 @@ def test_several_falloffs_are_each_fitted_as_alone():
 
 
 def test_a_profile_of_a_sphere_follows_its_closed_form():
-    """1 − 2[1 − (1+a)e^(−a)]/a², a = 2τR, at each half-distance, to a tolerance of the worst of them."""
+    """1 − 2[1 − (1+a)e^(−a)]/a², a = 2τR, at each half-distance."""
     vertices, faces = icosphere(3)
     baked = bake_surface(Mesh(vertices, faces[:, ::-1]), profile=True, tolerance=0.01)
     a = 2 * np.log(2) / baked.profile.half_distances
