@@ -16,10 +16,12 @@ from obscurance.raytrace.system.atomic import check_writable, write_bytes
 from obscurance.raytrace.system.checks import check_outputs
 from obscurance.raytrace.types import AnyInts, Bools, Float64s
 
+from ..bake.console import warn
 from ..formats.gltf.textured import check_vertices
 from ..formats.load import load, parser_errors
 from ..formats.ply.write import bare_ply
 from ..formats.stl import TRIANGLE
+from ..formats.unsupported import unsupported_features
 from ..show.progress import progress
 
 if TYPE_CHECKING:
@@ -45,6 +47,7 @@ def prune(source: Path, output: Path, seed: int, threads: int | None, quiet: boo
     check_writable(output)
     mesh_file = load(source, output if ending == ".glb" else None)
     check_outputs({"--output": output}, mesh_file.files)
+    warn([], [*mesh_file.notes, *_losses(mesh_file, output)])
     if ending == ".glb" and not mesh_file.is_scene:
         from ..formats.gltf.write import document
 
@@ -64,6 +67,15 @@ def prune(source: Path, output: Path, seed: int, threads: int | None, quiet: boo
     write_bytes(output, content)
     text = f"{output}: {face_count:,} faces; {len(unseen.faces) - face_count:,} that nothing outside sees are gone"
     return f"{text}. Of what one of these looks at less than {unseen.share:.2%} is open, with 95 % confidence"
+
+
+def _losses(source: Asset, output: Path) -> Sequence[str]:
+    """A line about what the file to be written leaves out, if that is anything."""
+    if output.suffix.lower() == ".glb":
+        return unsupported_features(output, source)
+    if not (source.materials or source.unread or any(one.columns for one in source.primitives)):
+        return ()
+    return (f"{output}: not kept from {source.path}: all but vertices and triangles, which only a .glb keeps",)
 
 
 def _visible_mesh(mesh: Mesh, seen: Bools, output: Path) -> bytes:

@@ -99,13 +99,6 @@ class ObjText:
         if not valid or any(run.keyword in (*NUMBERED, "f") for run in self.runs):
             raise ValueError("string or file could not be read to its end due to unmatched data")  # as NumPy says
         self.notes: tuple[str, ...] = ()
-        is_polygon = self.sizes >= 3
-        if not is_polygon.all():
-            self.notes += (f"{int((~is_polygon).sum()):,} faces of fewer than three corners are left out",)
-            of_vertices, *others = (of[np.repeat(is_polygon, self.sizes)] for of in (of_vertices, *others))
-            self.sizes = self.sizes[is_polygon]
-            before = np.append(0, np.cumsum(is_polygon))
-            self.runs = [run._replace(faces=int(before[run.faces])) for run in self.runs]
         absent: Int64s = np.broadcast_to(np.array(NONE), len(of_vertices))
         self.indices: dict[str, Int64s] = dict(zip(NUMBERED[1:], others or (absent, absent), strict=True))
         for keyword, indices in self.indices.items():

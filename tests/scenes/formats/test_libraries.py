@@ -48,17 +48,25 @@ MORPH = b"""<library_controllers><controller id="c"><morph source="#g"><source i
 <input semantic="MORPH_WEIGHT" source="#w"/></targets></morph></controller></library_controllers>"""
 
 
-@pytest.mark.parametrize(("controller", "moved"), [(SKIN, 3), (MORPH, 0)], ids=["skin", "morph"])
-def test_collada_keeps_what_is_skinned_or_morphed(tmp_path, controller, moved):
-    """The first node shows the geometry by a controller, as stored; it comes after the plain ones."""
+BOTH = MORPH.replace(b'"c"', b'"m"') + SKIN.replace(b'"#g"', b'"#m"')
+CUT, NAMED = SKIN.replace(b"0 0</v>", b"9</v>"), MORPH.replace(b"IDREF_array", b"Name_array")
+
+
+@pytest.mark.parametrize(
+    ("controller", "moved", "said"),
+    [(SKIN, 3, 0), (MORPH, 0, 0), (BOTH, 3, 1), (CUT, 3, 1), (NAMED, 0, 1)],
+    ids=["skin", "morph", "skin of a morph", "malformed skin", "malformed morph"],
+)
+def test_collada_keeps_what_is_skinned_or_morphed(tmp_path, controller, moved, said):
+    """The first node shows the geometry by a controller, as stored, whatever is malformed in that."""
     shown = b'<instance_geometry url="#g"/></node>\n<node><node>'
     content = DAE.replace(b"<library_visual_scenes>", controller + b"<library_visual_scenes>")
     content = content.replace(shown, shown.replace(b"instance_geometry", b"instance_controller").replace(b"#g", b"#c"))
     (tmp_path / "m.dae").write_bytes(content)
     file = load(tmp_path / "m.dae")
     assert file.objects == ("roof", "roof")
-    assert file.notes == ()
-    expected = np.concatenate([2 * PLACES, PLACES + np.array([moved, 0, 2])])
+    assert len(file.notes) == said
+    expected = np.concatenate([PLACES + np.array([moved, 0, 2]), 2 * PLACES])
     np.testing.assert_array_equal(file.mesh.vertices, expected)
 
 

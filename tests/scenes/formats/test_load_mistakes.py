@@ -24,6 +24,7 @@ from obscurance.scenes.formats.load import load
         ("m.STEP", b"x", "; FreeCAD writes .glb of it, got .STEP"),
         ("m.svg", b"<svg/>", "that of 3MF, Esri ASCII grid, COLLADA, GLB, glTF, OBJ, OFF, PLY, STL, GeoTIFF, VRM"),
         ("m.msh", b"no mesh", "content: expected a file that meshio reads as .msh, got "),
+        (f"{'n' * 90}.inp", b"*ELEMENT, TYPE=S99\n", f"Couldn't read file {'n' * 90}.inp as abaqus"),
         ("m.dae", b"<COLLADA", "DAE file"),
         ("m.zae", b"PK\x03\x04 and no archive", "ZAE file"),
         ("m", b"x", "got none"),

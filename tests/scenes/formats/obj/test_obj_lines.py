@@ -63,9 +63,8 @@ def plain(data):
         elif keyword != b"f":
             lines[keyword].append(words)
         else:
-            if len(words) >= 3:
-                sizes.append(len(words))
-                materials.append(material)
+            sizes.append(len(words))
+            materials.append(material)
             for word in words:
                 parts = word.split(b"/")
                 unmatched |= any(part and not INDEX.fullmatch(part) for part in parts)
@@ -73,7 +72,7 @@ def plain(data):
                     large = [max(min(int(part), 2**63 - 1), 1 - 2**63) if part else NONE for part in parts]
                     seen = [len(each) for each in lines.values()]
                     absolute = [i + n + 1 if i < 0 else i for i, n in zip((large + [NONE] * 2)[:3], seen, strict=True)]
-                    corners += [absolute] * (len(words) >= 3)
+                    corners.append(absolute)
     vertices = numbers(lines[b"v"], 3)
     if short := sum(len(words) < 3 for words in lines[b"v"]):
         raise MeshError("m", "v", "three coordinates on every line", f"fewer on {short} of them")
