@@ -84,7 +84,7 @@ def _content(file: BinaryIO) -> Any:
             super()._loadNodes()
 
         def _place(self, node: Any, instance: Any) -> None:
-            """Make an instance of a controller one of the geometry that it moves, in the pose that this is stored in."""
+            """Make an instance of a controller one of the geometry that it moves, in the pose of that as stored."""
             controllers = {f"#{element.get('id')}": element for element in self.xmlnode.iter(self.tag("controller"))}
             url = instance.get("url")
             while (controller := controllers.pop(url, None)) is not None:  # a skin may be one of a morph

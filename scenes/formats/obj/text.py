@@ -97,7 +97,7 @@ class ObjText:
         # Faces, and the indices of their corners.
         self.sizes, (of_vertices, *others), valid = self._faces()
         if not valid or any(run.keyword in (*NUMBERED, "f") for run in self.runs):
-            raise ValueError("string or file could not be read to its end due to unmatched data")  # as NumPy says
+            raise ValueError("corners of faces that are no numbers")
         self.notes: tuple[str, ...] = ()
         absent: Int64s = np.broadcast_to(np.array(NONE), len(of_vertices))
         self.indices: dict[str, Int64s] = dict(zip(NUMBERED[1:], others or (absent, absent), strict=True))

@@ -1,5 +1,6 @@
 """Formats that libraries read: COLLADA, and meshio's."""
 
+import re
 import subprocess
 import sys
 
@@ -10,7 +11,8 @@ from command import obscurance, refused
 from fuzz_seeds import DAE, MODEL, archive
 from mesh_files import obj
 
-from obscurance.scenes.formats.load import load
+from obscurance.raytrace.errors import MeshError
+from obscurance.scenes.formats.load import load, unit_of
 
 PLACES = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]])
 
@@ -86,9 +88,29 @@ xmlns:s="http://schemas.microsoft.com/3dmanufacturing/slice/2015/07"><s:slice zt
 </s:slice></s:slicestack>"""
     for name, content in (("plain", MODEL), ("sliced", MODEL.replace(b"<resources>", b"<resources>" + slices))):
         (tmp_path / f"{name}.3mf").write_bytes(archive(**{"3D/3dmodel.model": content}))
-    plain, sliced = (load(tmp_path / f"{name}.3mf").mesh for name in ("plain", "sliced"))
-    np.testing.assert_array_equal(plain.vertices, sliced.vertices)
-    np.testing.assert_array_equal(plain.faces, sliced.faces)
+    plain, sliced = (load(tmp_path / f"{name}.3mf") for name in ("plain", "sliced"))
+    np.testing.assert_array_equal(plain.mesh.vertices, sliced.mesh.vertices)
+    np.testing.assert_array_equal(plain.mesh.faces, sliced.mesh.faces)
+    assert plain.notes == ()
+    assert sliced.notes == (f"{tmp_path / 'sliced.3mf'}: what the 3MF extension slice adds is not read",)
+
+
+def test_the_root_model_of_3mf_is_what_relations_say(tmp_path):
+    kind = "http://schemas.microsoft.com/3dmanufacturing/2013/01/"
+    links = f'<Relationship Target="/3D/3dmodel.model" Id="a" Type="{kind}thumbnail"/>'
+    links += f'<Relationship Target="/3D/Other.custom" Id="b" Type="{kind}3dmodel"/>'
+    relations = f"<Relationships xmlns='urn:r'>{links}</Relationships>".encode()
+    unbuilt = re.sub(b"<build>.*</build>", b"<build/>", MODEL.replace(b"millimeter", b"inch"), flags=re.DOTALL)
+    members = {"_rels/.rels": relations, "3D/3dmodel.model": unbuilt, "3D/Other.custom": MODEL}
+    path = tmp_path / "m.3mf"
+    path.write_bytes(archive(**members))
+    assert len(load(path).mesh.faces)
+    assert unit_of(path) == 0.001
+    path.write_bytes(archive(**{**members, "_rels/.rels": relations.replace(b"Other", b"Gone")}))
+    assert unit_of(path) == 0.0254
+    path.write_bytes(archive(**{"a.txt": b"x"}))
+    with pytest.raises(MeshError, match="complete and valid 3MF file, got no model"):
+        load(path)
 
 
 def test_a_gmsh_file_is_read_without_a_word(tmp_path):

@@ -135,7 +135,7 @@ def compressed(name, kind):
         (compressed("KHR_meshopt_compression", "bufferViews"), "uncompressed values, got KHR_meshopt_compression"),
         (compressed("KHR_meshopt_compression", "buffers"), "buffers[0]: expected uncompressed values, got KHR_meshopt"),
         (compressed("KHR_draco_mesh_compression", "accessors"), "uncompressed values, got KHR_draco_mesh_compression"),
-        ({"meshes/0/primitives/0/mode": 6}, "triangle fan"),
+        ({"accessors/1/count": 5}, "indices: expected three for each triangle, got 5"),
         ({"meshes/0/primitives/0/indices": 99}, "GLB file"),
         ({"meshes/0/primitives/0/attributes/POSITION": GONE}, "GLB file"),
         ({"nodes/0/children": [0]}, "own ancestor"),
@@ -145,6 +145,7 @@ def compressed(name, kind):
         ({"scenes/0/nodes": []}, "at least one triangle"),
         ({"nodes": 3}, "nodes: expected a list"),
         ({"asset": {"version": "1.0"}}, "glTF 2.0"),
+        ({"asset": {"version": 0.8}, "scene": "default"}, "asset.version: expected glTF 2.0, got 0.8"),
         ({"buffers/0/byteLength": 10**9}, "1000000000 bytes"),
     ],
 )

@@ -49,6 +49,16 @@ def test_faces_of_two_corners_are_reported_and_kept(tmp_path, name):
     assert read(tmp_path, "w.obj", (tmp_path / "w.obj").read_bytes()).sizes.tolist() == [3, 2]
 
 
+def test_lines_of_a_gltf_are_reported_where_they_are_lost(tmp_path):
+    builder = Builder()
+    builder.mesh(builder.primitive(QUAD, HALVES), builder.primitive(QUAD, mode=2))
+    (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
+    assert "w.ply: not kept from m.glb: points and lines" in bake(tmp_path, "m.glb", "w.ply").replace(
+        f"{tmp_path}/", ""
+    )
+    assert "lines" not in bake(tmp_path, "m.glb", "w.glb")
+
+
 def test_colours_of_an_off_file_are_reported(tmp_path):
     file = read(tmp_path, "m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n")
     assert "colours" in unsupported_features(tmp_path / "w.ply", file)[0]

@@ -22,8 +22,8 @@ def numbers(lines, needed):
     """All numbers where all lines have equally many, else the first ones of the lines that have enough."""
     alike = lines and len(lines[0]) >= needed and len(set(map(len, lines))) == 1
     rows = [line[: None if alike else needed] for line in lines if len(line) >= needed]
-    if any(not NUMBER.fullmatch(word) for row in rows for word in row):
-        raise ValueError("unmatched data")
+    for wrong in (word for row in rows for word in row if not NUMBER.fullmatch(word)):
+        raise ValueError(f"{wrong.decode('utf-8', 'replace')}, which is no number")
     nan = re.compile(rb"\(.*")
     return np.array([[float(nan.sub(b"", word)) for word in row] for row in rows]).reshape(
         len(rows), -1 if rows else needed
@@ -77,7 +77,7 @@ def plain(data):
     if short := sum(len(words) < 3 for words in lines[b"v"]):
         raise MeshError("m", "v", "three coordinates on every line", f"fewer on {short} of them")
     if unmatched:
-        raise ValueError("unmatched data")
+        raise ValueError("corners of faces that are no numbers")
     v, vt, vn = np.array(corners, object).reshape(-1, 3).T.tolist()
     if outside := [index for index in v if not 1 <= index <= len(vertices)]:
         raise MeshError("m", "f", f"v indices from 1 to {len(vertices)}", outside[0])
@@ -103,7 +103,7 @@ def outcome(read, data):
     except MeshError as reason:
         return str(reason)
     except ValueError as reason:
-        return str(reason).rpartition("due to ")[2]
+        return re.sub(r" in line [\d,]+,", ",", str(reason))
 
     def frozen(value):
         if isinstance(value, np.ndarray):
