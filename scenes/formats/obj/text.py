@@ -4,6 +4,7 @@ Kernels read vertices and faces from blocks of the file's bytes, on all cores; t
 """
 
 import re
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterable
 from functools import cached_property
 from typing import NamedTuple
@@ -80,7 +81,9 @@ class ObjText:
     def __init__(self, data: bytes, source: str) -> None:
         """Raises: MeshError: too few coordinates, an index of no vertex. ValueError: text that is none."""
         # The lines, continued ones joined.
-        data = data.removeprefix(b"\xef\xbb\xbf")
+        if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+            data = data.decode("utf-16", "replace").encode()
+        data = data.removeprefix(BOM_UTF8)
         if b"\\" in data:
             for end in (b"\r\n", b"\r", b"\n"):
                 data = data.replace(b"\\" + end, b" ")

@@ -82,7 +82,8 @@ def test_strips_fans_unindexed_triangles_and_stored_integers(tmp_path):
     packed = builder.accessor(unsigned, "VEC3", normalized=True)
     builder.header["bufferViews"][-1]["byteStride"] = 8
     builder.mesh(
-        builder.primitive(QUAD[[0, 1, 3, 2]], mode=5), builder.primitive(TRIANGLE), {"attributes": {"POSITION": packed}},
+        builder.primitive(QUAD[[0, 1, 3, 2]], mode=5), builder.primitive(TRIANGLE),
+        {"attributes": {"POSITION": packed}},
         builder.primitive(QUAD, [[3, 0, 1, 2]], mode=6),
     )  # fmt: skip
     file = read(tmp_path, "m.glb", builder.glb([{"mesh": 0}]))
