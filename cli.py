@@ -100,30 +100,22 @@ def view(**options: Any) -> None:
 
 
 @command(
-    Option("file", Path, ..., "A mesh with w, vertex colours or occlusion textures, an image, .npz .npy .tif.",
+    Option("files", list[Path], ..., "Meshes with w, vertex colours or occlusion textures, images, .npz .npy .tif.",
            is_argument=True),
-    Option("of", Path | None, None, "The mesh file that it belongs to.", metavar="MESH"),
-    Option("within", float | None, None, "Exit status 1 if the RMS error is surely above it."),
+    Option("of", Path | None, None, "The mesh file that they belong to.", metavar="MESH"),
+    Option("within", float | None, None, "Exit status 1 if the RMS error of one is surely above it."),
     *(of_bake(name, kind=str | None, default=None) for name in ("falloff", "half_distance", "max_distance")),
     *map(of_bake, ("tau", "ground", "occluder")),
     Option("output", Path | None, None, "Also write a page that shows the difference, .html.", short="-o"),
-    Option("json", bool, False, "As JSON, for other programs."),
+    Option("json", bool, False, "As JSON, a list, for other programs."),
     _SEED._replace(help="Random seed of places and rays."),
     of_bake("threads"),
 )  # fmt: skip
-def check(file: Path, of: Path | None, within: float | None, output: Path | None, json: bool, **given: Any) -> int:
+def check(files: list[Path], json: bool, **options: Any) -> int:
     """Compare w in a file, of any program, with independent rays; exit status 1 beyond --within."""
-    from obscurance.scenes.commands.check import check as check_file
-    from obscurance.scenes.commands.check import in_words
+    from obscurance.scenes.commands.check import check_files
 
-    found = check_file(file, of, within, output, **given)
-    if json:
-        from json import dumps
-
-        print(dumps(found.facts, indent=2, allow_nan=False))
-    else:
-        print(columns(in_words(found.facts, within)))
-    return 1 if found.within is False else 0
+    return check_files(files, json, **options)
 
 
 @command(

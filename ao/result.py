@@ -39,13 +39,6 @@ class ToleranceWarning(UserWarning):
     """A bake's estimated error exceeds the tolerance asked for."""
 
 
-def squared_errors(values: Float64s, estimates: Float64s) -> Float64s:
-    """(v − a)(v − b) (k,) for two independent estimates a, b (k, 2) of what values v (k,) should be: its mean is the
-    mean squared error of the values, whatever the estimates' noise."""
-    squared: Float64s = (values - estimates[:, 0]) * (values - estimates[:, 1])
-    return squared
-
-
 class SquaredError(NamedTuple):
     """The mean squared error of values, and its standard error."""
 
@@ -54,8 +47,11 @@ class SquaredError(NamedTuple):
 
     @classmethod
     def of(cls, values: Float64s, estimates: Float64s, variance: Float64s | float = 0.0) -> Self:
-        """Of values (k,) with a `variance`, from two independent estimates (k, 2) of what they should be."""
-        squared = squared_errors(values, estimates) - variance
+        """Of values (k,) with a `variance`, from two independent estimates (k, 2) of what they should be.
+
+        For estimates a, b the mean of (v − a)(v − b) is the squared error of v, whatever their noise.
+        """
+        squared = (values - estimates[:, 0]) * (values - estimates[:, 1]) - variance
         return cls(float(squared.mean()), float(squared.std()) / len(squared) ** 0.5)
 
     @property

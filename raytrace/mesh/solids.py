@@ -167,10 +167,10 @@ def shape_hash(mesh: Mesh) -> str:
 def _hash_triangles(words: UInt32Rows, faces: Int32Rows, total: UInt64s) -> None:
     """Add up hashes of the triangles. Args: words: (n, 3), the bits of coordinates. total: (1,), a sum, written."""
     for f in range(len(faces)):
-        edges = np.uint64(0)
-        for k in range(3):
-            edges += hash64(_hash_corner(words, faces[f, (k + 1) % 3]) - _hash_corner(words, faces[f, k]))
-        total[0] += hash64(edges)
+        a = _hash_corner(words, faces[f, 0])
+        b = _hash_corner(words, faces[f, 1])
+        c = _hash_corner(words, faces[f, 2])
+        total[0] += hash64(hash64(b - a) + hash64(c - b) + hash64(a - c))
 
 
 @inline

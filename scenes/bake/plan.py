@@ -136,6 +136,12 @@ class Plan(NamedTuple):
             values["occlusion"] = "ramp" if self.channels.ramp else "none"
         return values | {"mesh": str(self.mesh), "threads": thread_count(self.options.threads)}
 
+    def changed(self) -> dict[str, Any]:
+        """The options but for those at their defaults and those of outputs, as a JSON report has them."""
+        options = vars(self.options)
+        rows = [row for row in ROWS.values() if row.role in ("result", "input") and self.kind in row.bake_kinds.split()]
+        return {row.name: plain(options[row.name]) for row in rows if options[row.name] != row.default}
+
     def with_options(self, **changes: Any) -> Plan:
         """The plan with other files, or run in another way. Args: changes: options that do not decide what is baked."""
         return self._replace(options=self.options.replaced(**changes))

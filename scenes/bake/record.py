@@ -35,7 +35,7 @@ class Record(NamedTuple):
     @classmethod
     def of(cls, plan: Plan, mesh: Mesh) -> Self:
         """The record of a bake of the input's mesh."""
-        options = {name: value for name, value in changed_options(plan).items() if name not in _LEFT_OUT}
+        options = {name: value for name, value in plan.changed().items() if name not in _LEFT_OUT}
         if plan.options.up:  # which the ground and normals go by
             options["up"] = plan.options.up
         return cls(options, shape_hash(mesh))
@@ -62,15 +62,6 @@ def _parsed(name: str, value: Any) -> Any:
     """The value of an option in a record."""
     row = ROWS[name]
     return [row.parsed(item) for item in value] if isinstance(value, list) else row.parsed(value)
-
-
-def changed_options(plan: Plan) -> dict[str, Any]:
-    """The options that decide w, as a report has them, but for those at their defaults."""
-    return {
-        name: value
-        for name, value in plan.described().items()
-        if ROWS[name].role != "output" and plain(getattr(plan.options, name)) != plain(ROWS[name].default)
-    }
 
 
 def _text(path: Path) -> str:

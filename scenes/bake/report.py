@@ -10,7 +10,6 @@ from obscurance.ao.declared import Option
 from obscurance.raytrace.errors import InputError, nearest_name, shortened
 
 from .options import BAKE, PRESETS, ROWS, check_stored
-from .record import changed_options
 
 if TYPE_CHECKING:
     from ..asset.asset import Asset
@@ -76,7 +75,7 @@ def command_line(command: str, table: Iterable[Option], options: Mapping[str, An
 def command_again(plan: Plan, source: Asset) -> str:
     """The command that bakes vertices again at another half-distance, "{}", into a file that keeps what it holds."""
     is_painted = source.is_scene or source.materials or source.columns("uv0")
-    changed = {name: value for name, value in changed_options(plan).items() if name not in _OF_FALLOFF}
+    changed = {name: value for name, value in plan.changed().items() if name not in _OF_FALLOFF}
     target = f"{plan.mesh.stem}-baked{'.glb' if is_painted else '.ply'}"
     line = command_line("bake", BAKE, changed | {"output": target, "half_distance": "{}"})
     return line.replace("'{}'", "{}")

@@ -11,7 +11,7 @@ import numpy as np
 from obscurance import ao
 from obscurance.ao.baking import VertexArguments, bake_vertices
 from obscurance.ao.options import OCTAVES, VertexOptions
-from obscurance.ao.result import SquaredError, squared_errors
+from obscurance.ao.result import SquaredError
 from obscurance.raytrace.errors import ConflictError, SceneError
 from obscurance.raytrace.types import Float64s, Int64s
 
@@ -98,8 +98,8 @@ class Comparison(NamedTuple):
         return SquaredError.of(self.values, self.estimates)
 
     def is_surely_better_than(self, other: Comparison) -> bool:
-        """Whether its squared error is less by more than two standard errors of their difference."""
-        less = squared_errors(other.values, other.estimates) - squared_errors(self.values, self.estimates)
+        """Whether its errors are smaller by more than two standard errors of their difference."""
+        less = np.abs(other.signed) - np.abs(self.signed)
         return bool(less.mean() > 2 * less.std() / len(less) ** 0.5)
 
     @property
@@ -124,7 +124,8 @@ def compare_values(plan: Plan, inputs: BakeInputs, stored: StoredValues, seed: i
         ]
 
     def best(comparisons: Iterable[Comparison]) -> Comparison:
-        return min(comparisons, key=lambda comparison: comparison.error.mean)
+        """By the mean absolute error: few values that are far off, inside of parts for instance, tell nothing."""
+        return min(comparisons, key=lambda comparison: float(np.abs(comparison.signed).mean()))
 
     if named:
         return best(compare([Candidate(named, given=plan.falloff)]))

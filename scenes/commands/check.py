@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -10,11 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from obscurance.ao.result import SquaredError
-from obscurance.raytrace.errors import OptionError, SceneError, printable
+from obscurance.raytrace.errors import ConflictError, OptionError, SceneError, printable
 from obscurance.raytrace.mesh.solids import shape_hash
 from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_ending, check_outputs, check_regular
 
+from ..bake.console import columns
 from ..bake.inputs import BakeInputs, read_inputs
 from ..bake.options import ROWS, BakeOptions
 from ..bake.plan import Plan, plan_bake
@@ -39,10 +41,29 @@ _PAGE = 0.01  # tolerance of w on a page
 
 
 class Checked(NamedTuple):
-    """What a check has found, JSON-ready, and whether w is within what was asked for; None if nothing was."""
+    """What a check has found, JSON-ready, and whether w is surely beyond what was asked for, or of another mesh."""
 
     facts: dict[str, Any]
-    within: bool | None
+    fails: bool
+
+
+def check_files(
+    files: Sequence[Path], as_json: bool, within: float | None, of: Path | None, output: Path | None, **given: Any
+) -> int:
+    """Print what is found of each file. Returns: the exit status. Args, Raises: as `check`."""
+    if within is not None and not 0 < within <= 1:
+        raise OptionError("within", "a number above 0, at most 1", within)
+    if output:
+        if len(files) > 1:
+            raise ConflictError("output", "needs", "one file")
+        check_ending("output", output, ".html")
+        check_outputs({"--output": output}, [*files, *([of] if of else [])])
+    checked = [check(file, of, within, output, **given) for file in files]
+    if as_json:
+        print(json.dumps([one.facts for one in checked], indent=2, allow_nan=False))
+    else:
+        print("\n\n".join(columns(in_words(one.facts, within)) for one in checked))
+    return int(any(one.fails for one in checked))
 
 
 def check(file: Path, of: Path | None, within: float | None, output: Path | None, **given: Any) -> Checked:
@@ -53,11 +74,6 @@ def check(file: Path, of: Path | None, within: float | None, output: Path | None
 
     Raises: SceneError: there is no w in the file, or of another number of vertices. OptionError, MeshError: as a bake.
     """
-    if output:
-        check_ending("output", output, ".html")
-        check_outputs({"--output": output}, [file, *([of] if of else [])])
-    if within is not None and not 0 < within <= 1:
-        raise OptionError("within", "a number above 0, at most 1", within)
     # The files, and how w was baked.
     check_regular(file, "a file of w", SceneError)
     record = Record.read(file)
@@ -75,7 +91,7 @@ def check(file: Path, of: Path | None, within: float | None, output: Path | None
     plan = plan_bake(_bake_options(record, source, **given))
     whole = _with_rows(source, stored, plan)
     if whole is None and stale:
-        return Checked({"file": str(file), "mesh": str(of), "stale": True}, False)
+        return Checked({"file": str(file), "mesh": str(of), "stale": True}, True)
     if whole is None:
         elements = plan.options.at
         expected = f"a value for each of the {_count(source, elements):,} {elements} of {source.path}"
@@ -88,7 +104,7 @@ def check(file: Path, of: Path | None, within: float | None, output: Path | None
         facts = _facts(file, own, stored, found, inputs) | {"stale": stale}
         if output:
             write_bytes(output, _page(file, plan, inputs, stored, found))
-    return Checked(facts, None if within is None else found.error.at_least <= within)
+    return Checked(facts, within is not None and found.error.at_least > within)
 
 
 def _has_mesh(file: Path) -> bool:
@@ -257,7 +273,7 @@ def in_words(facts: dict[str, Any], within: float | None) -> list[tuple[str, str
 
 
 def _page(file: Path, plan: Plan, inputs: BakeInputs, stored: StoredValues, found: Comparison) -> bytes:
-    """A page of w in the file and of w baked anew, with a slider between; the error that it shows is the difference."""
+    """A page of w in the file and of w baked anew, with a slider between, and of their difference."""
     from obscurance.ao.options import VertexOptions
 
     from ..bake.vertices import bake_inputs
@@ -277,6 +293,5 @@ def _page(file: Path, plan: Plan, inputs: BakeInputs, stored: StoredValues, foun
         w = stored.lookups[found.meaning](corner // 3, np.eye(3)[corner % 3])
     else:
         w = stored.rows[found.meaning]
-    difference = np.abs(w - baked.w)
-    shown = [Values(w, difference, name=file.name), Values(baked.w, difference, name="by independent rays")]
+    shown = [Values(w, name=file.name), Values.of(baked, "by independent rays")]
     return html_of_bakes(mesh, shown, f"check of {file.name}", None, base_colour(inputs.source))

@@ -29,7 +29,8 @@ def found(*words):
     """The facts of a check, and its exit status."""
     done = obscurance("check", *words, "--json")
     assert done.returncode < 2, done.stderr
-    return json.loads(done.stdout), done.returncode
+    (facts,) = json.loads(done.stdout)
+    return facts, done.returncode
 
 
 @pytest.fixture(scope="module")
@@ -139,7 +140,7 @@ def test_a_bake_of_others_is_recognised(folder, encoding):
         assert form == "binary, max distance"
         assert float(length.rstrip("%")) == pytest.approx(50, rel=0.08)
         assert facts["rmse"] == pytest.approx(np.sqrt(np.mean(w * (1 - w)) / 256), rel=0.35)
-        assert min(facts["rmse_by_other_falloffs"].values()) > 1.5 * facts["rmse"]
+        assert min(facts["rmse_by_other_falloffs"].values()) > 1.3 * facts["rmse"]
 
 
 def test_textures_of_others_are_looked_up_on_the_faces(tmp_path, monkeypatch):
