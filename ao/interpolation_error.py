@@ -120,11 +120,11 @@ def _estimate_twice(
     twice = replace(twice, numbers=np.arange(len(twice), dtype=np.uint32))
     key = derive(prepared.key, 8)
     gathered = tracer.gather(twice, rays, key)
-    table, cone = tracer.scene.table(rays, total, key), tracer.scene.cone
+    table, lobe = tracer.scene.table(rays, total, key), tracer.scene.lobe
     estimates = np.empty((2 * len(points), len(mus)))
     for column in range(len(mus)):
         rows = np.ascontiguousarray(gathered[:, column])
-        leave_out_below(twice.arrays, np.tile(geometric_normals, (2, 1)), table, cone, rows)
+        leave_out_below(twice.arrays, np.tile(geometric_normals, (2, 1)), table, lobe, rows)
         estimates[:, column] = rows[:, W]
     return np.stack(np.split(estimates, 2), axis=1)
 
