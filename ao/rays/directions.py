@@ -36,7 +36,7 @@ class Lobe(NamedTuple):
         if not self.is_even:
             return u * self.cone  # Malley's method
         cosines = 1.0 - u * (1.0 - np.sqrt(1.0 - self.cone))
-        return 1.0 - cosines**2
+        return np.asarray(1.0 - cosines**2)
 
 
 COSINE = Lobe()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import groupby
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -29,13 +30,15 @@ RAYS = 1024  # of each of two estimates at a place
 _SEED = 1 << 62  # of the first, which no bake is likely to have used
 _FINER, _STEPS = (4, 16), range(-2, 3)  # parts of an octave, by whose steps the best length is found
 _WITHOUT_W = ao.Flag.UNREFERENCED | ao.Flag.DEGENERATE | ao.Flag.HIDDEN
+_EVEN = "binary, by solid angle"
 _FORMS: dict[str, Callable[..., Falloff]] = {
     "binary": lambda _: ao.Binary(),
+    _EVEN: lambda _: ao.Binary(),
     "exponential, half-distance": lambda length: ao.Exponential(half_distance=length),
     "binary, max distance": lambda length: ao.Binary(max_distance=length),
     "linear, max distance": lambda length: ao.Linear(max_distance=length),
 }
-"""Falloffs that are tried where none is named, all but the first at lengths an octave apart."""
+"""Falloffs that are tried where none is named, all but the first two at lengths an octave apart."""
 
 
 class Candidate(NamedTuple):
@@ -116,12 +119,16 @@ def compare_values(plan: Plan, inputs: BakeInputs, stored: StoredValues, seed: i
 
     def compare(candidates: Sequence[Candidate]) -> list[Comparison]:
         """The comparison by each candidate, for each meaning of the values."""
-        places = estimate(plan, inputs, stored, [candidate.falloff for candidate in candidates], seed)
-        return [
-            Comparison(places, values, places.estimates[:, :, number], candidate, meaning, {})
-            for meaning, values in places.values(stored).items()
-            for number, candidate in enumerate(candidates)
-        ]
+        compared = []
+        for is_even, group in groupby(candidates, lambda candidate: candidate.form == _EVEN):
+            alike = list(group)
+            places = estimate(plan, inputs, stored, [candidate.falloff for candidate in alike], seed, is_even)
+            compared += [
+                Comparison(places, values, places.estimates[:, :, number], candidate, meaning, {})
+                for meaning, values in places.values(stored).items()
+                for number, candidate in enumerate(alike)
+            ]
+        return compared
 
     def best(comparisons: Iterable[Comparison]) -> Comparison:
         """By the mean absolute error: few values that are far off, inside of parts for instance, tell nothing."""
@@ -129,8 +136,10 @@ def compare_values(plan: Plan, inputs: BakeInputs, stored: StoredValues, seed: i
 
     if named:
         return best(compare([Candidate(named, given=plan.falloff)]))
-    simplest, *with_length = _FORMS
-    tried = compare([Candidate(simplest), *(Candidate(form, share) for form in with_length for share in OCTAVES)])
+    simplest, even, *with_length = _FORMS
+    tried = compare(
+        [Candidate(even), Candidate(simplest), *(Candidate(form, share) for form in with_length for share in OCTAVES)]
+    )
     by_form = {form: best(one for one in tried if one.falloff.form == form) for form in _FORMS}
     for parts in _FINER:
         lengths = [one.falloff.share * 2.0 ** (step / parts) for one in by_form.values() for step in _STEPS]
@@ -143,12 +152,18 @@ def compare_values(plan: Plan, inputs: BakeInputs, stored: StoredValues, seed: i
     return found._replace(others={form: one.error.rmse for form, one in by_form.items() if form != found.falloff.form})
 
 
-def estimate(plan: Plan, inputs: BakeInputs, stored: StoredValues, falloffs: Sequence[Falloff], seed: int) -> Places:
-    """Estimates of w, by each falloff, where there are stored values: the same places for the same seed."""
+def estimate(
+    plan: Plan, inputs: BakeInputs, stored: StoredValues, falloffs: Sequence[Falloff], seed: int, is_even: bool = False
+) -> Places:
+    """Estimates of w, by each falloff, where there are stored values: the same places for the same seed.
+
+    Args: is_even: whether by even directions, whatever the plan's.
+    """
     assert isinstance(plan.arguments, VertexOptions)
     arguments = replace(
         plan.arguments, falloff=tuple(falloffs), samples=RAYS, tolerance=None, denoise=False, profile=False,
         both_sides=False, seed=_SEED + 2 * seed, threads=plan.options.threads,
+        weight="uniform" if is_even else plan.arguments.weight,
     )  # fmt: skip
     find = _on_faces if stored.lookups else _at_elements
     found = find(plan, inputs, stored, arguments)

@@ -109,8 +109,9 @@ def test_hashes_are_those_of_shapes():
     assert shape_hash(Mesh(vertices[:, [1, 0, 2]], faces)) != whole
 
 
-def rays_by_hand(mesh, reach, count=256, seed=3):
-    """Ambient occlusion as many write it: trimesh's rays by Embree, cosine-weighted, hits nearer than `reach` close."""
+def rays_by_hand(mesh, reach, count=256, seed=3, is_even=False):
+    """Ambient occlusion as many write it: trimesh's rays by Embree, cosine-weighted, or even, over the hemisphere; hits
+    nearer than `reach` close."""
     rng = np.random.default_rng(seed)
     n = mesh.vertex_normals
     t = np.cross(n, np.where(np.abs(n[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]]))
@@ -119,6 +120,7 @@ def rays_by_hand(mesh, reach, count=256, seed=3):
     w = np.ones(len(n))
     for _ in range(count):
         u, v = rng.random((2, len(n), 1))
+        u = u * (2 - u) if is_even else u  # sin² of the angle
         direction = np.sqrt(u) * (np.cos(2 * np.pi * v) * t + np.sin(2 * np.pi * v) * b) + np.sqrt(1 - u) * n
         places, rows, _ = mesh.ray.intersects_location(mesh.vertices + 1e-4 * n, direction, multiple_hits=False)
         w[rows[np.linalg.norm(places - mesh.vertices[rows], axis=1) < reach]] -= 1 / count
@@ -141,6 +143,14 @@ def test_a_bake_of_others_is_recognised(folder, encoding):
         assert float(length.rstrip("%")) == pytest.approx(50, rel=0.08)
         assert facts["rmse"] == pytest.approx(np.sqrt(np.mean(w * (1 - w)) / 256), rel=0.35)
         assert min(facts["rmse_by_other_falloffs"].values()) > 1.3 * facts["rmse"]
+
+
+def test_rays_that_are_even_are_recognised(folder):
+    mesh = trimesh.Trimesh(*hills(24), process=False)
+    np.save("even.npy", rays_by_hand(mesh, np.inf, is_even=True))
+    facts, _ = found("even.npy", "--of", "hills.obj")
+    assert facts["falloff"] == "binary, by solid angle"
+    assert facts["rmse"] < 0.03
 
 
 def test_textures_of_others_are_looked_up_on_the_faces(tmp_path, monkeypatch):
