@@ -54,6 +54,11 @@ class Candidate(NamedTuple):
         return f"{self.form} {100 * self.share:.3g}%" if self.share else self.form
 
     @property
+    def is_even(self) -> bool:
+        """Whether it goes with directions that are even over the solid angle."""
+        return self.form == _EVEN
+
+    @property
     def falloff(self) -> Falloff:
         """The falloff itself."""
         return self.given or _FORMS[self.form](f"{100 * self.share}%")
@@ -120,7 +125,7 @@ def compare_values(plan: Plan, inputs: BakeInputs, stored: StoredValues, seed: i
     def compare(candidates: Sequence[Candidate]) -> list[Comparison]:
         """The comparison by each candidate, for each meaning of the values."""
         compared = []
-        for is_even, group in groupby(candidates, lambda candidate: candidate.form == _EVEN):
+        for is_even, group in groupby(candidates, lambda candidate: candidate.is_even):
             alike = list(group)
             places = estimate(plan, inputs, stored, [candidate.falloff for candidate in alike], seed, is_even)
             compared += [

@@ -285,7 +285,10 @@ def _page(file: Path, plan: Plan, inputs: BakeInputs, stored: StoredValues, foun
     if found.places.at not in ("vertices", "surface"):
         raise OptionError("output", "a check of w at vertices, or in a texture", f"w of {found.places.at}")
     assert isinstance(plan.arguments, VertexOptions)
-    arguments = replace(plan.arguments, falloff=found.falloff.falloff, samples=None, tolerance=_PAGE, profile=False)
+    arguments = replace(
+        plan.arguments, falloff=found.falloff.falloff, samples=None, tolerance=_PAGE, profile=False,
+        weight="uniform" if found.falloff.is_even else plan.arguments.weight,
+    )  # fmt: skip
     baked = bake_inputs(plan._replace(arguments=arguments), inputs, None, None)
     if stored.lookups:
         corner = np.zeros(len(mesh.vertices), np.int64)
