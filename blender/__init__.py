@@ -31,7 +31,7 @@ class BakeObscurance(bpy.types.Operator):
 
     bl_idname = "object.bake_obscurance"
     bl_label = "Bake Obscurance"
-    bl_options = {"REGISTER", "UNDO"}
+    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
 
     target: EnumProperty(
         name="Into",
@@ -55,7 +55,9 @@ class BakeObscurance(bpy.types.Operator):
         name="Half Distance", default="50%", description="Where a hit closes half; of the exponential falloff"
     )
     max_distance: StringProperty(
-        name="Max Distance", default="inf", description='Farther hits close nothing: a length, "25%" of the size, or inf'
+        name="Max Distance",
+        default="inf",
+        description='Farther hits close nothing: a length, "25%" of the size, or inf',
     )
     tolerance: FloatProperty(
         name="Tolerance", default=0.005, min=1e-4, max=0.5, precision=4, description="RMS error of the openness"
