@@ -5,7 +5,7 @@ import numpy as np
 
 
 def store_colours(source, w, name):
-    """Store w (c,) of face corners as the active colour attribute, linear. A mesh that other objects share is copied."""
+    """Store w (c,) of face corners as the active colour attribute, linear; a mesh that others share is copied first."""
     thing = source.thing
     if thing.data.users > 1:
         thing.data = thing.data.copy()

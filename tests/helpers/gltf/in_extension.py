@@ -40,12 +40,11 @@ def corners(thing):
     colours = np.empty(4 * len(mesh.loops), np.float32)
     mesh.color_attributes["Obscurance"].data.foreach_get("color", colours)
     matrix = thing.matrix_world
+    turn = matrix.to_3x3().inverted().transposed()
     return {
         "places": [list(matrix @ mesh.vertices[loop.vertex_index].co) for loop in mesh.loops],
         "faces": [list(triangle.loops) for triangle in mesh.loop_triangles],
-        "normals": [
-            list((matrix.to_3x3().inverted().transposed() @ n.vector).normalized()) for n in mesh.corner_normals
-        ],
+        "normals": [list((turn @ normal.vector).normalized()) for normal in mesh.corner_normals],
         "w": colours.reshape(-1, 4)[:, 0].tolist(),
     }
 
