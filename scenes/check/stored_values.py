@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from obscurance.raytrace.errors import MeshError, SceneError
+from obscurance.raytrace.errors import SceneError
 from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.image.texture import Texture, pack_textures
 from obscurance.raytrace.image.texture_lookup import sample_points
@@ -18,7 +18,7 @@ from ..asset.primitive import COLOR, W
 from ..formats.images import is_texture
 from ..formats.load import parser_errors
 from ..formats.ply.layout import Ply, columns_of
-from ..formats.stored_w import ENDINGS, read_w
+from ..formats.stored_w import ENDINGS, FaceTextures, occlusion_textures, read_w
 
 if TYPE_CHECKING:
     from ..asset.asset import Asset
@@ -61,15 +61,15 @@ def find_values(file: Path, own: Asset | None, source: Asset, is_own: bool) -> S
         if uv is None:
             raise SceneError(source.path, "texture coordinates", f"those that {file.name} is for", "none")
         kinds = {"": False} if is_own or file.suffix.lower() in _FLOATS else {"linear": False, "sRGB": True}
-        textures = {kind: [(Texture(file, srgb=srgb), 1.0)] for kind, srgb in kinds.items()}
         of = np.where(np.isnan(uv).any(axis=(1, 2)), -1, 0)
-        return _textured("the texture", {kind: (uv, of, each) for kind, each in textures.items()})
+        pages = {kind: FaceTextures(uv, of, [(Texture(file, srgb=srgb), 1.0)]) for kind, srgb in kinds.items()}
+        return _textured("the texture", pages)
     if own is None or own.w is not None:
         return StoredValues(_OWN, {"": read_w(file)}, {})
     if isinstance(own.raw, Ply) and (of_polygons := columns_of(own.raw.elements, "face").get(W)):
         return StoredValues(_OWN, {"": np.repeat(of_polygons.values, own.triangles.counts).astype(np.float64)}, {})
     with parser_errors(file):
-        if own.is_scene and (textured := _occlusion_textures(own)):
+        if own.is_scene and (textured := occlusion_textures(own)):
             return _textured("occlusion textures", {"": textured})
     colours = own.columns(COLOR)
     if colours is None or None in colours:
@@ -104,37 +104,18 @@ def _meanings(own: Asset) -> dict[str, Float64s]:
     return linear | {name: column.astype(np.float64) for name, column in encoded.items()}
 
 
-def _occlusion_textures(own: Asset) -> tuple[Float64s, Int64s, list[tuple[Texture, float]]] | None:
-    """Coordinates (m, 3, 2), which texture each face has (m,), −1 for none, and the textures with their strengths."""
-    count = len(own.mesh.faces)
-    uv = np.full((count, 3, 2), np.nan)
-    of = np.full(count, -1)
-    numbers: dict[tuple[Texture, float], int] = {}
-    for run in own.runs():
-        part, lookup = own.parts[run.part], own.material(run.material.key).occlusion
-        used = own.looked_up(part.primitive, lookup)
-        if lookup and used and not lookup.is_ramp:
-            column, texture = used
-            uv[run.faces] = column.values[part.primitive.rows(column)[run.faces - part.faces.start]]
-            of[run.faces] = numbers.setdefault((texture, lookup.strength), len(numbers))
-    return (uv, of, list(numbers)) if numbers else None
+def _textured(where: str, kinds: dict[str, FaceTextures]) -> StoredValues:
+    """Values of textures, by how these may be meant."""
 
-
-def _textured(where: str, kinds: dict[str, tuple[Float64s, Int64s, list[tuple[Texture, float]]]]) -> StoredValues:
-    """Values of textures. Args: kinds: coordinates, textures' numbers and textures, by how these may be meant."""
-
-    def lookup(uv: Float64s, of: Int64s, textures: list[tuple[Texture, float]]) -> Any:
-        try:
-            packed = pack_textures([texture for texture, _ in textures])
-        except MeshError as fault:
-            raise SceneError(fault.source, fault.field, fault.expected, fault.got) from None
+    def lookup(on_faces: FaceTextures) -> Callable[[Int64s, Float64s], Float64s]:
+        packed = pack_textures([texture for texture, _ in on_faces.textures])
 
         def at(faces: Int64s, weights: Float64s) -> Float64s:
             """w at places on faces."""
-            places = np.einsum("kc,kcd->kd", weights, uv[faces])
+            places = np.einsum("kc,kcd->kd", weights, on_faces.uv[faces])
             w = np.ones(len(faces))
-            for number, (_, strength) in enumerate(textures):
-                rows = np.flatnonzero(of[faces] == number)
+            for number, (_, strength) in enumerate(on_faces.textures):
+                rows = np.flatnonzero(on_faces.of[faces] == number)
                 linear = np.empty((len(rows), 3))
                 sample_points(packed, number, np.ascontiguousarray(places[rows]), linear)
                 w[rows] = 1.0 + strength * (linear[:, 0] - 1.0)  # glTF 2.0, section 5.21
@@ -142,5 +123,5 @@ def _textured(where: str, kinds: dict[str, tuple[Float64s, Int64s, list[tuple[Te
 
         return at
 
-    _, of, _ = next(iter(kinds.values()))
-    return StoredValues(where, {}, {kind: lookup(*given) for kind, given in kinds.items()}, of >= 0)
+    has_values = next(iter(kinds.values())).of >= 0
+    return StoredValues(where, {}, {kind: lookup(on_faces) for kind, on_faces in kinds.items()}, has_values)
