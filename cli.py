@@ -20,7 +20,18 @@ import click
 from obscurance.ao.declared import Option
 from obscurance.raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
 from obscurance.scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams, unforeseen
-from obscurance.scenes.bake.options import BAKE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
+from obscurance.scenes.bake.options import (
+    BAKE,
+    RENDER,
+    BakeOptions,
+    Metric,
+    PrunedBy,
+    RenderOptions,
+    Up,
+    named,
+    of_bake,
+    plain,
+)
 from obscurance.scenes.commands.parameters import TableCommand
 
 interrupts.raise_interrupt()
@@ -139,15 +150,17 @@ def falloff(baked: Path, half_distance: str, output: Path, power: str | None, me
 @command(
     Option("mesh", Path, ..., "A mesh file: .glb .gltf .obj .ply .stl .off .3mf", is_argument=True),
     Option("output", Path, ..., "The file to write: .glb, with materials, .ply .obj .stl .off", short="-o"),
+    Option("by", PrunedBy, "faces", "What goes as a whole, if nothing of it is seen."),
+    Option("keep_neighbours", int, 0, "Rings of faces around seen ones that stay.", metavar="N"),
     _SEED,
     of_bake("threads"),
     _QUIET,
 )
-def prune(mesh: Path, output: Path, seed: int, threads: int | None, quiet: bool) -> None:
+def prune(mesh: Path, output: Path, quiet: bool, **options: Any) -> None:
     """Drop the faces that nothing outside sees."""
     from obscurance.scenes.commands.prune import prune as prune_file
 
-    summary = prune_file(mesh, output, seed, threads, quiet)
+    summary = prune_file(mesh, output, quiet=quiet, **options)
     if not quiet:
         print(summary)
 
