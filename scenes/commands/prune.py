@@ -52,6 +52,8 @@ def prune(
     ending = output.suffix.lower()
     if ending not in _ENDINGS:
         raise OptionError("output", "a name ending in " + ", ".join(_ENDINGS), output)
+    if keep_neighbours < 0:
+        raise OptionError("keep_neighbours", "a number of rings from 0 on", keep_neighbours)
     check_writable(output)
     mesh_file = load(source, output if ending == ".glb" else None)
     check_outputs({"--output": output}, mesh_file.files)

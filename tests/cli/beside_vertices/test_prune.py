@@ -219,3 +219,4 @@ def test_neighbours_of_seen_faces_stay(lidless):
 
 def test_what_goes_as_a_whole_is_one_of_three(lidless):
     refused(obscurance("prune", "box.glb", "-o", "x.glb", "--by", "x"), "prune --by", "faces, parts, objects")
+    refused(obscurance("prune", "box.glb", "-o", "x.glb", "--keep-neighbours", "-1"), "--keep-neighbours", "from 0 on")
