@@ -123,7 +123,7 @@ def view(**options: Any) -> None:
     of_bake("threads"),
 )  # fmt: skip
 def check(files: list[Path], json: bool, **options: Any) -> int:
-    """Compare w in a file, of any program, with independent rays; exit status 1 beyond --within."""
+    """Compare w in files, of any program, with rays."""
     from obscurance.scenes.commands.check import check_files
 
     return check_files(files, json, **options)

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
     from .plan import Plan
 
-_LEFT_OUT = "mesh", "profile"  # the file's name, and what does not change w
-
 
 class Record(NamedTuple):
     """Attributes: options: by their names in a report, those that are not the default. mesh: its `shape_hash`."""
@@ -35,7 +33,7 @@ class Record(NamedTuple):
     @classmethod
     def of(cls, plan: Plan, mesh: Mesh) -> Self:
         """The record of a bake of the input's mesh."""
-        options = {name: value for name, value in plan.changed().items() if name not in _LEFT_OUT}
+        options = plan.changed()
         if plan.options.up:  # which the ground and normals go by
             options["up"] = plan.options.up
         return cls(options, shape_hash(mesh))

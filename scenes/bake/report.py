@@ -77,7 +77,7 @@ def command_again(plan: Plan, source: Asset) -> str:
     is_painted = source.is_scene or source.materials or source.columns("uv0")
     changed = {name: value for name, value in plan.changed().items() if name not in _OF_FALLOFF}
     target = f"{plan.mesh.stem}-baked{'.glb' if is_painted else '.ply'}"
-    line = command_line("bake", BAKE, changed | {"output": target, "half_distance": "{}"})
+    line = command_line("bake", BAKE, changed | {"mesh": str(plan.mesh), "output": target, "half_distance": "{}"})
     return line.replace("'{}'", "{}")
 
 

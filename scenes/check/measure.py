@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from obscurance import ao
-from obscurance.ao.baking import VertexArguments, bake_vertices
 from obscurance.ao.options import OCTAVES, VertexOptions
 from obscurance.ao.result import SquaredError
 from obscurance.raytrace.errors import ConflictError, SceneError
@@ -180,32 +179,21 @@ def estimate(
 def _at_elements(plan: Plan, inputs: BakeInputs, stored: StoredValues, arguments: VertexOptions) -> Places:
     """Estimates at some of the vertices, or faces, by two bakes of these alone where that is possible."""
     mesh, chosen = inputs.chosen.mesh, inputs.chosen
-    count = len(next(iter(stored.rows.values())))
-    only = chosen.only
-    wanted = np.ones(count, np.bool_)
-    if arguments.at == "faces":
-        wanted = chosen.receive
-    elif only is not None:
-        wanted = only
-    candidates = np.flatnonzero(wanted)
+    wanted = chosen.receive if arguments.at == "faces" else chosen.only
+    candidates = np.arange(stored.rows_count) if wanted is None else np.flatnonzero(wanted)
     random = np.random.default_rng(arguments.seed)
     rows = np.sort(random.choice(candidates, min(PLACES, len(candidates)), replace=False))
-    mask = np.zeros(len(mesh.vertices), np.bool_)
-    is_alone = plan.options.occluded_by == "all" and not inputs.source.cloud and not plan.options.high
-    if is_alone:
+    if plan.options.occluded_by == "all" and not inputs.source.cloud and not plan.options.high:  # else all are baked
+        mask = np.zeros(len(mesh.vertices), np.bool_)
         mask[mesh.faces[rows] if arguments.at == "faces" else rows] = True
-    columns, flags = [], np.zeros(count, np.uint8)
-    for turn in range(2):
-        turned = replace(arguments, seed=arguments.seed + turn)
-        if is_alone:
-            given = {"only": mask, **inputs.arguments}
-            baked = bake_vertices(VertexArguments.of(turned, mesh, **given))
-        else:
-            baked = bake_inputs(plan._replace(arguments=turned), inputs, None, None)
-        columns.append(baked.values)
-        flags = baked.flags
+        inputs = inputs._replace(arguments=inputs.arguments | {"only": mask})
+    bakes = [
+        bake_inputs(plan._replace(arguments=replace(arguments, seed=arguments.seed + turn)), inputs, None, None)
+        for turn in range(2)
+    ]
+    flags = bakes[0].flags
     rows = rows[flags[rows] & _WITHOUT_W == 0]
-    return Places(baked.at, rows, None, np.stack([column[rows] for column in columns], axis=1))
+    return Places(bakes[0].at, rows, None, np.stack([baked.values[rows] for baked in bakes], axis=1))
 
 
 def _on_faces(plan: Plan, inputs: BakeInputs, stored: StoredValues, arguments: VertexOptions) -> Places:

@@ -16,6 +16,7 @@ from obscurance.raytrace.mesh.solids import shape_hash
 from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_ending, check_outputs, check_regular
 
+from ..asset.primitive import StoredBake
 from ..bake.console import columns
 from ..bake.inputs import BakeInputs, read_inputs
 from ..bake.options import ROWS, BakeOptions
@@ -196,10 +197,8 @@ def _estimate_of_file(file: Path, own: Asset | None, stored: StoredValues, found
     """The RMS of the errors that the file has beside w, at the places; None without any."""
     if found.places.weights is not None:
         return None
-    if own:
-        errors = own.baked.error if own.baked else None
-    else:
-        errors = read_beside_w(file, len(next(iter(stored.rows.values())))).get("error")
+    baked = own.baked if own else StoredBake(np.zeros(0), **read_beside_w(file, stored.rows_count))
+    errors = baked.error if baked else None
     return None if errors is None else float(np.sqrt(np.mean(np.square(errors[found.places.rows]))))
 
 
