@@ -138,6 +138,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.slow
 def test_the_driver_notices(tmp_path):
     """Whatever a step does, the next one is tried."""
     worker = tmp_path / "worker.py"
