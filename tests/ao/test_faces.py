@@ -56,7 +56,7 @@ def shape_and_truth(shape):
     return mesh, np.mean([baked.w for baked in bakes], axis=0)
 
 
-@pytest.mark.parametrize("tolerance", [0.02, 0.006])
+@pytest.mark.parametrize("tolerance", [pytest.param(0.02, marks=pytest.mark.slow), 0.006])
 @pytest.mark.parametrize("shape", ["hills", "cones"])
 def test_the_reported_error_is_the_true_one(shape, tolerance):
     """On faces of which w varies, too: the samples that measure the error lie elsewhere on them."""

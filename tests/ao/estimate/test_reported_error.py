@@ -29,6 +29,7 @@ TRACED = {
     "small charts": families.small_charts,
     "charts of two texels": partial(families.small_charts, texels=2.0),
 }
+FEW = "boxes", "grass", "charts of two texels"
 
 
 def squared(baked, *truths):
@@ -65,7 +66,7 @@ def test_of_texels(name):
     check_texels(EXACT[name], {"fins": 12, "a chart over another": 12, "layers": 8}.get(name, 16), range(20, 22), 0.015)
 
 
-@pytest.mark.parametrize("name", TRACED)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in FEW else pytest.mark.slow) for name in TRACED])
 def test_of_texels_by_rays(name):
     check_texels(TRACED[name], 16, range(20, 22), 0.02)
 
