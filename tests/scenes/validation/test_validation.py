@@ -124,9 +124,10 @@ def test_polygons_show_no_bias(samples: int) -> None:
     assert np.mean(np.square(scores)) < 2.2
 
 
-def test_nan_is_a_failure() -> None:
+@pytest.mark.parametrize("wrong", [nan, 0.0])
+def test_a_single_wrong_point_is_a_failure(wrong: float) -> None:
     line = LINES[0]
-    measured = np.where(np.arange(len(line.points)) == 3, nan, line.exact)
+    measured = np.where(np.arange(len(line.points)) == 3, wrong, line.exact)
     assert not validation.compare(line, measured).ok
 
 
