@@ -58,7 +58,7 @@ def small(line):
     if line[0] != "bake":
         return line
     rays = [] if "--tolerance" in line else ["--samples", "4"]
-    size = ["--size", "32"] if any(word.endswith(TEXTURES) for word in line) else []
+    size = ["--size", "64"] if any(word.endswith(TEXTURES) for word in line) else []
     return [*line, *rays, *size]
 
 
