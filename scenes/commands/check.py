@@ -89,6 +89,10 @@ def check(file: Path, of: Path | None, within: float | None, output: Path | None
     stored = find_values(file, own, source, record is not None)
     if own and stored.lookups:
         source = own  # whose texture coordinates they are looked up by
+    if not stored.lookups and len(source.mesh.vertices) != stored.rows_count == len(source.mesh.faces):
+        given["at"] = "faces"
+    if source is own:
+        given["flip"] = False  # as its faces are turned already
     plan = plan_bake(_bake_options(record, source, **given))
     whole = _with_rows(source, stored, plan)
     if whole is None and stale:

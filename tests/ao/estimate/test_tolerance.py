@@ -54,13 +54,13 @@ def check(name: str, seeds: int, tolerances: tuple[float, ...], denoise: bool = 
 
 @pytest.mark.parametrize("name", MESHES)
 def test_the_tolerance_is_kept_and_the_error_estimated(name: str) -> None:
-    check(name, 3, (0.03, 0.01, 0.005))
+    check(name, 2, (0.03, 0.005))
 
 
 @pytest.mark.parametrize("name", MESHES)
 def test_the_tolerance_is_kept_by_rays_alone(name: str) -> None:
     """Without denoising rays alone bring the error down, and more of them."""
-    check(name, 2, (0.03, 0.01), denoise=False)
+    check(name, 1, (0.03, 0.01), denoise=False)
     alone, denoised = (ao.bake(MESHES[name], ao.Binary(), tolerance=0.01, denoise=denoise) for denoise in (False, True))
     assert alone.rays > denoised.rays
 
@@ -92,7 +92,7 @@ def test_where_few_vertices_have_most_of_the_error_it_is_measured_too(seed: int)
 
 def test_the_first_rays_of_neighbours_are_even_together() -> None:
     """The mean of four that follow one another errs by less than four that know nothing of each other would."""
-    mesh = Mesh(*hills(190))
+    mesh = Mesh(*hills(100))
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
     points = receivers.points

@@ -75,7 +75,7 @@ def test_the_floor_under_a_sphere_follows_its_closed_form_between_the_vertices()
 
 def test_a_buried_vertex_does_not_darken_what_is_in_sight():
     mesh = buried()
-    points = Points(mesh, 20_000, 128)
+    points = Points(mesh, 8_000, 128)
     points.hidden |= points.corners[:, 0] >= 25  # the ground
     vertex, surface = ao.bake(mesh, samples=256, interior="ignore"), bake_surface(mesh, samples=256)
     centre = 12
@@ -126,14 +126,14 @@ def test_coarse_meshes_are_fitted_to_a_tolerance(seed):
     mesh = slabs(table(np.random.default_rng(seed)))
     dense = bake_surface(mesh, samples=1 << 18, seed=99).w
     rays = []
-    for options in ({"tolerance": 0.01}, {}, {"tolerance": 0.004}):
+    for options in ({"tolerance": 0.01}, {}):
         baked = bake_surface(mesh, **options, seed=seed)
         true = np.sqrt(np.mean((baked.w - dense) ** 2))
         tolerance = options.get("tolerance", 0.005)
         assert true < 1.1 * tolerance
         assert true / 1.3 < baked.rmse <= tolerance
         rays.append(baked.rays)
-    assert rays[0] < rays[1] < rays[2]
+    assert rays[0] < rays[1]
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -209,17 +209,16 @@ def test_some_stretches_of_a_large_mesh_show_how_smooth_it_is(monkeypatch, watch
 
 
 @cache
-def coarse_temple(falloff):
+def coarse_temple():
     """The mesh, and what many rays make of it."""
     mesh = temple(fineness=0.6)
-    return mesh, bake_surface(mesh, falloff, samples=1024, seed=99).w
+    return mesh, bake_surface(mesh, ao.Binary(), samples=1024, seed=99).w
 
 
 @pytest.mark.parametrize("samples", [16, 256])
-@pytest.mark.parametrize("falloff", [ao.Binary(), ao.Exponential()], ids=["binary", "exponential"])
-def test_the_estimated_rmse_is_near_the_true_one(samples, falloff):
-    mesh, reference = coarse_temple(falloff)
-    bakes = [bake_surface(mesh, falloff, samples=samples, seed=seed) for seed in range(2)]
+def test_the_estimated_rmse_is_near_the_true_one(samples):
+    mesh, reference = coarse_temple()
+    bakes = [bake_surface(mesh, ao.Binary(), samples=samples, seed=seed) for seed in range(2)]
     true = np.sqrt(np.mean([(baked.w - reference) ** 2 for baked in bakes]))
     estimated = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
     assert true / 1.4 < estimated < true * 1.6
@@ -236,7 +235,7 @@ def sunk():
     mesh = Mesh(*join([grid(24, 4.0), (ball.vertices - [0, 0, 0.7], np.asarray(ball.faces))]))
     x, y, z = mesh.vertices.T
     on_floor = np.arange(len(z)) < 24**2
-    dense = bake_surface(mesh, ao.Binary(), samples=1 << 13, seed=99).w
+    dense = bake_surface(mesh, ao.Binary(), samples=1 << 12, seed=99).w
     return mesh, ~np.where(on_floor, x**2 + y**2 < 1 - 0.7**2, z < 0), dense
 
 
@@ -254,6 +253,7 @@ def test_several_falloffs_are_each_fitted_as_alone():
     mesh = Mesh(*hills(20))
     falloffs = [ao.Binary(), ao.Exponential(tau=2.0), ao.Exponential(tau=1.0), ao.Binary(max_distance=0.3)]
     together = bake_surface(mesh, falloffs, samples=1024)
+    dense = bake_surface(mesh, falloffs, samples=1 << 14, seed=9).values
     assert together.values.shape == (len(mesh.vertices), len(falloffs))
     assert len(together.rmses) == len(falloffs)
     for column, falloff in enumerate(falloffs):
@@ -261,8 +261,7 @@ def test_several_falloffs_are_each_fitted_as_alone():
         assert together.rays == alone.rays
         off = np.sqrt(np.mean((together.values[:, column] - alone.w) ** 2))
         assert off < (1e-6 if column == 0 else alone.rmse)
-        dense = bake_surface(mesh, falloff, samples=1 << 15, seed=9).w
-        true = np.sqrt(np.mean((together.values[:, column] - dense) ** 2))
+        true = np.sqrt(np.mean((together.values[:, column] - dense[:, column]) ** 2))
         assert true / 1.4 < together.rmses[column] < 2 * true
 
 

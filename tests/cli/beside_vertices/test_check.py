@@ -193,12 +193,20 @@ def test_objects_and_places_with_the_largest_errors_come_first(tmp_path, monkeyp
     assert "within 0.01  no: at least 0.0" in done.stdout
 
 
-@pytest.mark.parametrize("options", [("--at", "faces"), ("--method", "surface"), ("--occluded-by", "object"), ()])
+@pytest.mark.parametrize(
+    "options", [("--at", "faces"), ("--method", "surface"), ("--occluded-by", "object"), ("--flip",), ()]
+)
 def test_every_kind_of_w_is_checked(folder, options):
     succeeded("bake", "hills.obj", "-o", "w.ply", "--falloff", "binary", *options)
     facts, status = found("w.ply", "--within", 0.05)
     assert (status, facts["falloff"]) == (0, "binary")
     np.testing.assert_array_less(facts["rmse"], 0.03)
+
+
+def test_arrays_of_faces_are_known_by_their_number(folder):
+    succeeded("bake", "hills.obj", "-o", "w.npy", "--falloff", "binary", "--at", "faces")
+    facts, _ = found("w.npy", "--of", "hills.obj", "--falloff", "binary")
+    assert (facts["at"], facts["rmse"] < 0.03) == ("faces", True)
 
 
 def test_a_page_shows_the_difference(folder, exact):

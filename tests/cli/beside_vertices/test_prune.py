@@ -1,7 +1,5 @@
 """`obscurance prune`."""
 
-import pickle
-
 import numpy as np
 import pytest
 import trimesh
@@ -9,24 +7,12 @@ from command import obscurance, refused, succeeded
 from gltf_files import Builder, check_glb, values
 from mesh_files import obj
 
-from obscurance.ao.unseen import unseen_faces
 from obscurance.scenes.formats.load import load
 
 
-@pytest.fixture(scope="module", autouse=True)
-def traced_once():
-    """What nobody sees of a mesh is found once, whatever it is written to."""
-    found = {}
-
-    def unseen(mesh, seed, threads, progress):
-        key = pickle.dumps((mesh, seed))
-        if key not in found:
-            found[key] = unseen_faces(mesh, seed, threads, progress)
-        return found[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("obscurance.ao.unseen.unseen_faces", unseen)
-        yield
+@pytest.fixture(autouse=True)
+def few_rays(monkeypatch):
+    monkeypatch.setattr("obscurance.ao.unseen._ROUNDS", (16, 128))
 
 
 @pytest.fixture
