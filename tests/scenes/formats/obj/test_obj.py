@@ -117,3 +117,12 @@ def test_corners_without_normals_that_can_be_used_have_those_of_faces(tmp_path, 
     file = load(tmp_path / "m.obj")
     np.testing.assert_array_equal(file.mesh.normals[:3], [[0, 0, 1], [0, 0, 1], [np.nan] * 3])
     assert "1 of 3 normals at corners are missing, zero, not finite" in file.notes[-1]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_marks_of_encodings_are_heeded(tmp_path, encoding):
+    text = obj_with("usemtl é\nf 1 2 3").decode().encode(encoding)
+    (tmp_path / "m.obj").write_bytes(text)
+    file = load(tmp_path / "m.obj", "m.glb")
+    assert file.mesh.faces.tolist() == [[0, 1, 2]]
+    assert [material.name for material in file.materials] == ["é"]
