@@ -77,23 +77,27 @@ def _content(file: BinaryIO) -> Any:
                     if target not in self.materials:
                         technique.remove(bound)
                         self.handleError(DaeBrokenRefError(f"Material #{target} not found"))
+            shapes: dict[str, Any] = {}
+            for controller in self.xmlnode.iter(self.tag("controller")):
+                for kind in ("skin", "morph"):
+                    shapes |= {f"#{controller.get('id')}": shape for shape in controller.findall(self.tag(kind))}
             for node in list(self.xmlnode.iter(self.tag("node"))):
                 for instance in node.findall(self.tag("instance_controller")):
                     node.remove(instance)
-                    self._place(etree.SubElement(node, self.tag("node")), instance)
+                    self._place(etree.SubElement(node, self.tag("node")), instance, shapes)
             super()._loadNodes()
 
-        def _place(self, node: Any, instance: Any) -> None:
+        def _place(self, node: Any, instance: Any, shapes: dict[str, Any]) -> None:
             """Make an instance of a controller one of the geometry that it moves, in the pose of that as stored."""
-            controllers = {f"#{element.get('id')}": element for element in self.xmlnode.iter(self.tag("controller"))}
             url = instance.get("url")
-            while (controller := controllers.pop(url, None)) is not None:  # a skin may be one of a morph
-                for shape in (*controller.iter(self.tag("skin")), *controller.iter(self.tag("morph"))):
-                    url = shape.get("source")
-                    for matrix in shape.iter(self.tag("bind_shape_matrix")):
-                        etree.SubElement(node, self.tag("matrix")).text = matrix.text
+            before: set[str] = set()
+            while url in shapes and url not in before:  # a skin may be one of a morph
+                before.add(url)
+                for matrix in shapes[url].findall(self.tag("bind_shape_matrix")):
+                    etree.SubElement(node, self.tag("matrix")).text = matrix.text
+                url = shapes[url].get("source")
             instance.tag = self.tag("instance_geometry")
-            instance.set("url", url)
+            instance.set("url", str(url))
             node.append(instance)
 
     return Document(file, ignore=[DaeError])

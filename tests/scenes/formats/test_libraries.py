@@ -72,6 +72,15 @@ def test_collada_keeps_what_is_skinned_or_morphed(tmp_path, controller, moved, s
     np.testing.assert_array_equal(file.mesh.vertices, expected)
 
 
+def test_a_skin_of_itself_is_left_out_in_a_line(tmp_path):
+    shown = DAE.replace(b'<instance_geometry url="#g"/></node>\n', b'<instance_controller url="#c"/></node>\n')
+    endless = SKIN.replace(b'"#g"', b'"#c"')
+    (tmp_path / "m.dae").write_bytes(shown.replace(b"<library_visual_scenes>", endless + b"<library_visual_scenes>"))
+    file = load(tmp_path / "m.dae")
+    assert file.objects == ("roof",)
+    assert len(file.notes) == 1
+
+
 def test_malformed_geometry_of_collada_is_told(tmp_path):
     (tmp_path / "m.dae").write_bytes(DAE.replace(b'url="#g"/></node>\n', b'url="#q"/></node>\n'))
     file = load(tmp_path / "m.dae")
