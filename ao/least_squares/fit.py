@@ -181,7 +181,7 @@ def _local_mean(stencil: Stencil, data: Float64s, values: Float64s, area: Float6
     tenth."""
     sums = multiply(stencil.matrix(data), values, threads)
     local = np.where(area > 0, sums / np.where(area > 0, area, 1.0), values)
-    return 0.9 * local + 0.1 * float(values[area > 0].mean() if area.any() else 0.0)
+    return 0.9 * local + 0.1 * dot(area, values) / max(float(area.sum()), 1e-300)
 
 
 def cross_validated(problem: Problem, start: Float64s) -> tuple[float, list[Float64s]]:

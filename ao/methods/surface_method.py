@@ -90,4 +90,6 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Gathered]:
         """As `Kept.cached`, by a name that tells fits of other numbers of rays apart."""
         return checkpoint.cached(f"{name}, {rays} rays", compute)
 
-    return fit_values(problems, trial, cached), gathered
+    fit = fit_values(problems, trial, cached)
+    fit.in_sight[gathered.buried] = 0.0  # they have values, but their errors show nowhere
+    return fit, gathered
