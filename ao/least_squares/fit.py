@@ -70,7 +70,7 @@ class Problem:
         return half.squares - dot(x, half.right) - dot(x, self.pull(half, x))
 
     def pull(self, half: NormalEquations, x: Float64s) -> Float64s:
-        """Half of how fast (n,) the squared residuals of `x` at one half of the samples fall with each of its values."""
+        """Half of how fast (n,) the squared residuals of `x` at one half of the samples fall with each value."""
         return half.right - multiply(self.stencil.matrix(half.values), x, self.threads)
 
 
@@ -190,8 +190,8 @@ def _variance(half: Float64s, apart: Float64s, by_rays: Float64s) -> Float64s:
     """The variance (k,) of a fit from the squares of three differences; see `fit_values`.
 
     Of few samples a half errs by up to 2.4 times too much, while residuals, which `apart` is of, are as much too small:
-    so it is a weighted geometric mean. By places two halves differ more than all err, for places are the more even, the more there
-    are; rays of the halves are independent.
+    so it is a weighted geometric mean. By places two halves differ more than all err, for places are the more even, the
+    more there are; rays of the halves are independent.
     """
     both = np.cbrt(half**2 * apart)
     return np.minimum(both, by_rays) + np.maximum(both - by_rays, 0.0) / _PLACES

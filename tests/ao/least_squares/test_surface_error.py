@@ -1,4 +1,4 @@
-"""The error that the surface method reports is the true one, on meshes drawn by seed: coarse, buried in part, uneven."""
+"""The error that the surface method reports is the true one, on meshes drawn by seed: coarse, buried, uneven."""
 
 import warnings
 from functools import cache
@@ -42,7 +42,7 @@ def boxes_on_a_floor(rng):
             box = box.subdivide()
         turned = box.vertices @ Rotation.from_euler("z", rng.uniform(0, 2)).as_matrix().T
         height = sides[2] / 2 - rng.choice([0, -1e-4, 0.1])
-        parts.append((turned + [*rng.uniform(-1.3, 1.3, 2), height], np.asarray(box.faces)))
+        parts.append((turned + np.append(rng.uniform(-1.3, 1.3, 2), height), np.asarray(box.faces)))
     return parts
 
 
@@ -51,7 +51,7 @@ def cones_on_a_terrain(rng):
     parts = [floor(rng, 0.2)]
     for _ in range(2):
         cone = trimesh.creation.cone(rng.uniform(0.2, 0.6), rng.uniform(0.4, 1.2), sections=int(rng.integers(6, 30)))
-        parts.append((cone.vertices + [*rng.uniform(-1, 1, 2), -0.2], np.asarray(cone.faces)))
+        parts.append((cone.vertices + np.append(rng.uniform(-1, 1, 2), -0.2), np.asarray(cone.faces)))
     return parts
 
 
