@@ -12,7 +12,7 @@ PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4
 
 .DEFAULT_GOAL := help
-.PHONY: help install wheel demo test types test-all lint bench bench-peers peers viewers pictures site clean
+.PHONY: help install wheel blender demo test types test-all lint bench bench-peers peers viewers pictures site clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -42,6 +42,10 @@ install: $(BUILT) $(TOOLS) ## create .venv, install the project and all its extr
 
 wheel: $(STAMP) ## a wheel with the kernels of every level of processors, in dist/
 	$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist .
+
+blender: $(STAMP) ## the extension for Blender, in dist/
+	@mkdir -p dist
+	cd blender && ../$(BIN)/python -m zipfile -c ../dist/obscurance-blender.zip *.py blender_manifest.toml
 
 demo: $(BUILT) ## bake a built-in scene; writes demo/ with a mesh and a picture
 	$(BIN)/obscurance demo --output demo

@@ -20,7 +20,18 @@ import click
 from obscurance.ao.declared import Option
 from obscurance.raytrace.errors import InputError, ObscuranceError, OptionError, OutputError
 from obscurance.scenes.bake.console import columns, note, output_failed, readable_output, reopen_streams, unforeseen
-from obscurance.scenes.bake.options import BAKE, RENDER, BakeOptions, Metric, RenderOptions, Up, named, of_bake, plain
+from obscurance.scenes.bake.options import (
+    BAKE,
+    RENDER,
+    BakeOptions,
+    Metric,
+    PrunedBy,
+    RenderOptions,
+    Up,
+    named,
+    of_bake,
+    plain,
+)
 from obscurance.scenes.commands.parameters import TableCommand
 
 interrupts.raise_interrupt()
@@ -100,6 +111,25 @@ def view(**options: Any) -> None:
 
 
 @command(
+    Option("files", list[Path], ..., "Meshes with w, vertex colours or occlusion textures, images, .npz .npy .tif.",
+           is_argument=True),
+    Option("of", Path | None, None, "The mesh file that they belong to.", metavar="MESH"),
+    Option("within", float | None, None, "Exit status 1 if the RMS error of one is surely above it."),
+    *(of_bake(name, kind=str | None, default=None) for name in ("falloff", "half_distance", "max_distance")),
+    *map(of_bake, ("tau", "ground", "occluder")),
+    Option("output", Path | None, None, "Also write a page that shows the difference, .html.", short="-o"),
+    Option("json", bool, False, "As JSON, a list, for other programs."),
+    _SEED._replace(help="Random seed of places and rays."),
+    of_bake("threads"),
+)  # fmt: skip
+def check(files: list[Path], json: bool, **options: Any) -> int:
+    """Compare w in files, of any program, with rays."""
+    from obscurance.scenes.commands.check import check_files
+
+    return check_files(files, json, **options)
+
+
+@command(
     Option("baked", Path, ..., "A file of bake --profile: .npz .ply .glb .gltf .exr", is_argument=True),
     Option("half_distance", str, ..., 'Mesh units, or "12%" of the radius; or "3%,40%", whose w is multiplied.'),
     Option("output", Path, ..., "Output file, format by ending, as of bake.", short="-o"),
@@ -120,15 +150,17 @@ def falloff(baked: Path, half_distance: str, output: Path, power: str | None, me
 @command(
     Option("mesh", Path, ..., "A mesh file: .glb .gltf .obj .ply .stl .off .3mf", is_argument=True),
     Option("output", Path, ..., "The file to write: .glb, with materials, .ply .obj .stl .off", short="-o"),
+    Option("by", PrunedBy, "faces", "What goes as a whole, if nothing of it is seen."),
+    Option("keep_neighbours", int, 0, "Rings of faces around seen ones that stay.", metavar="N"),
     _SEED,
     of_bake("threads"),
     _QUIET,
 )
-def prune(mesh: Path, output: Path, seed: int, threads: int | None, quiet: bool) -> None:
+def prune(mesh: Path, output: Path, quiet: bool, **options: Any) -> None:
     """Drop the faces that nothing outside sees."""
     from obscurance.scenes.commands.prune import prune as prune_file
 
-    summary = prune_file(mesh, output, seed, threads, quiet)
+    summary = prune_file(mesh, output, quiet=quiet, **options)
     if not quiet:
         print(summary)
 

@@ -33,6 +33,7 @@ from .options import (
     Normals,
     Options,
     VertexOptions,
+    Weight,
 )  # fmt: skip
 from .points.occluders import occluding
 from .points.receivers import Flag
@@ -68,6 +69,7 @@ def bake(
     interior: Interior = "auto",
     thickness: bool = False,
     spread: float = 180.0,
+    weight: Weight = "cosine",
     back_faces: BackFaces = "occlude",
     profile: bool = False,
     cage: Length | Mesh | Any = "2%",
@@ -119,7 +121,8 @@ def bake(
             falloff; where rays leave through holes of the mesh it is thick, which `shortfalls` says. Not with
             `interior` mark or fill.
         spread: Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all. 1 to
-            180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.
+            180. w is the mean over rays within it: 1 where nothing is in the cone.
+        weight: Of directions: like their cosine to the normal, or uniform, so that w is a share of the solid angle.
         back_faces: ignore: rays pass through faces that they meet from behind, as through single-sided walls. A face's
             front is where its corners run anticlockwise. `interior` sees backs all the same.
         profile: Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the

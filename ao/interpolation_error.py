@@ -1,7 +1,9 @@
-"""The error of interpolation between vertices, measured by rays at points on the faces."""
+"""w at points spread over the faces, estimated twice by rays of their own, and what interpolation errs there."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from obscurance.raytrace.types import AnyInts, Bools, Float32s, Float64s, Int64s
 
 from .estimate.inside import inside_solids
 from .execute.tracer import Tracer
+from .mu import Mu, in_render_space
 from .points.points import Points
 from .points.smooth_surface import LocatedPoints, SmoothSurface, VertexAxes
 from .points.surface_samples import with_alpha
@@ -27,19 +30,51 @@ _RIDGE = 1e-6  # of a point's weight, which vertices without one near are drawn 
 _FITTED = 4  # points for each vertex, at least, from which one can tell how well any values would do
 
 
+class SurfaceProbes(NamedTuple):
+    """k points on faces, outside of solids, with two independent estimates of w by each of c falloffs."""
+
+    face: Int64s  # (k,), of the mesh
+    weights: Float64s  # (k, 3), barycentric
+    estimates: Float64s  # (k, 2, c)
+
+
 def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> Interpolation:
     """Compare interpolated `w` (n,) with w at points spread evenly over the faces that have it, by 32 rays each.
 
     Points inside solids are left out. Args: error: (n,), standard errors of `w`.
     """
+    requested = prepared.requested
+    among = None if requested is None else np.all(requested[prepared.mesh.faces], axis=1)
+    probes = probe_surface(prepared, [prepared.mu], among)
+    if not len(probes.face):
+        return NOWHERE
+    corners = prepared.mesh.faces[probes.face]
+    values = np.einsum("ki,ki->k", probes.weights, w[corners])
+    variance = np.einsum("ki,ki->k", probes.weights**2, error[corners] ** 2)
+    estimates = probes.estimates[:, :, 0]
+    between = Interpolation.of(probes.face, probes.weights, estimates, values, variance)
+    return between._replace(best=_least_error(corners, probes.weights, estimates)) if between.visible else between
+
+
+def probe_surface(
+    prepared: Prepared, mus: Sequence[Mu], among: Bools | None = None, rays: int = _RAYS
+) -> SurfaceProbes:
+    """Estimate w twice at 1,024 points spread evenly over faces; none are left where there is no area.
+
+    Args: among: (m,), the faces; None: all. rays: of each estimate.
+    """
     placement = prepared.placement
     receivers = prepared.receivers
     vertices = placement.vertices.astype(np.float64)
     areas = face_areas(vertices, receivers.faces)
-    if prepared.requested is not None:
-        areas = np.where(prepared.requested[receivers.faces].all(axis=1), areas, 0.0)
+    # Faces are numbered as in the mesh: degenerate ones are not among those of the receivers.
+    number = None
+    if len(receivers.faces) < len(prepared.mesh.faces):
+        number = np.flatnonzero(face_areas(placement.vertices, prepared.mesh.faces) > 0)
+    if among is not None:
+        areas = np.where(among if number is None else among[number], areas, 0.0)
     if not areas.any() or not len(receivers.points):
-        return NOWHERE
+        return SurfaceProbes(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2, len(mus))))
 
     # Points on faces, whose hemispheres lie between those of the faces' vertices.
     face, weights = _spread(areas, derive(prepared.key, 7))
@@ -48,24 +83,13 @@ def measure_interpolation(prepared: Prepared, w: Float64s, error: Float64s) -> I
     points, located = _on_faces(vertices[corners], receivers.backwards[face], axes, weights)
     del vertices, areas
 
-    # Those outside solids, estimated twice, and what w is interpolated to there.
+    # Those outside solids, estimated twice.
     interior = prepared.options.interior if prepared.options.method == "vertex" else "auto"
     outside = ~inside_solids(points, lambda: corners[:, 0], placement, receivers, interior, prepared.threads)
-    if not outside.any():
-        return NOWHERE
     geometric_normals = with_alpha(located, receivers.opacity, face, weights)[outside]
-    estimates = _estimate_twice(prepared, points[outside], geometric_normals)
-    weights64 = weights[outside].astype(np.float64)
-    corners = corners[outside]
-    values = np.einsum("ki,ki->k", weights64, w[corners])
-    variance = np.einsum("ki,ki->k", weights64**2, error[corners] ** 2)
-
-    # Faces are numbered as in the mesh: degenerate ones are not among those of the receivers.
-    face = face[outside]
-    if len(receivers.faces) < len(prepared.mesh.faces):
-        face = np.flatnonzero(face_areas(placement.vertices, prepared.mesh.faces) > 0)[face]
-    between = Interpolation.of(face, weights64, estimates, values, variance)
-    return between._replace(best=_least_error(corners, weights64, estimates)) if between.visible else between
+    estimates = _estimate_twice(prepared, mus, points[outside], geometric_normals, rays)
+    of_mesh = face[outside] if number is None else number[face[outside]]
+    return SurfaceProbes(of_mesh, weights[outside].astype(np.float64), estimates)
 
 
 def _least_error(corners: AnyInts, weights: Float64s, estimates: Float64s) -> float:
@@ -84,19 +108,25 @@ def _least_error(corners: AnyInts, weights: Float64s, estimates: Float64s) -> fl
     return math.sqrt(max(float(off.prod(axis=1).mean()), 0.0))
 
 
-def _estimate_twice(prepared: Prepared, points: Points, geometric_normals: Float32s) -> Float64s:
-    """Two estimates of w (k, 2) at points, whose hemispheres end at faces of these normals."""
+def _estimate_twice(
+    prepared: Prepared, mus: Sequence[Mu], points: Points, geometric_normals: Float32s, rays: int
+) -> Float64s:
+    """Two estimates of w (k, 2, c) by c falloffs at points, whose hemispheres end at faces of these normals."""
     total = 2 * _POINTS
-    mu = prepared.mu.in_render_space(prepared.placement.scale)
+    mu = in_render_space(mus, prepared.placement.scale)
     t_max = min(mu.limit, prepared.placement.diagonal)
     tracer = Tracer(prepared.scene, mu, t_max, prepared.threads, total)
     twice = points[np.tile(np.arange(len(points)), 2)]
     twice = replace(twice, numbers=np.arange(len(twice), dtype=np.uint32))
     key = derive(prepared.key, 8)
-    gathered = np.ascontiguousarray(tracer.gather(twice, _RAYS, key)[:, 0])
-    table, cone = tracer.scene.table(_RAYS, total, key), tracer.scene.cone
-    leave_out_below(twice.arrays, np.tile(geometric_normals, (2, 1)), table, cone, gathered)
-    return np.asarray(gathered[:, W].reshape(2, -1).T)
+    gathered = tracer.gather(twice, rays, key)
+    table, lobe = tracer.scene.table(rays, total, key), tracer.scene.lobe
+    estimates = np.empty((2 * len(points), len(mus)))
+    for column in range(len(mus)):
+        rows = np.ascontiguousarray(gathered[:, column])
+        leave_out_below(twice.arrays, np.tile(geometric_normals, (2, 1)), table, lobe, rows)
+        estimates[:, column] = rows[:, W]
+    return np.stack(np.split(estimates, 2), axis=1)
 
 
 def _spread(areas: Float64s, key: np.uint32) -> tuple[Int64s, Float32s]:

@@ -29,6 +29,7 @@ Method = Literal["vertex", "surface"]
 Weighting = Literal["angle", "area", "equal"]
 Normals = Literal["angle", "area", "equal", "file", "up"]
 Interior = Literal["auto", "ignore", "mark", "fill"]
+Weight = Literal["cosine", "uniform"]
 BackFaces = Literal["occlude", "ignore"]
 At = Literal["vertices", "faces"]
 _NOT_AT_FACES = "high", "colors", "debug_image"
@@ -66,6 +67,9 @@ class Options:
         "How thick the solid is below each point instead: the same rays inwards, 0 thin, 1 thick.")] = False
     spread: Annotated[float, Option(bounds=(1, 180), help=
         "Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all.")] = 180.0
+    weight: Annotated[Weight, Option(help=
+        "Of directions: like their cosine to the normal, or uniform, so that w is a share of the solid angle.")
+        ] = "cosine"
     back_faces: Annotated[BackFaces, Option(help=
         "ignore: rays pass through faces that they meet from behind, as through single-sided walls.")] = "occlude"
     profile: Annotated[bool, Option(kind=bool | None, default=None, help=

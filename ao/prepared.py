@@ -24,6 +24,7 @@ from .mu import Mu, in_render_space
 from .options import Normals, Options
 from .points.occluders import joined
 from .points.receivers import Receivers, find_receivers
+from .rays.directions import Lobe
 from .rays.ray_scene import RayScene
 
 if TYPE_CHECKING:
@@ -150,7 +151,8 @@ class Prepared(NamedTuple):
         opacity = receivers.opacity
         if self.options.back_faces == "ignore":
             opacity = (opacity or PackedOpacity(np.full(len(receivers.faces), -1)))._replace(one_sided=np.int64(1))
-        return RayScene(self.placement.vertices, receivers.faces, receivers.hierarchy, opacity, self.options.cone)
+        lobe = Lobe(self.options.cone, self.options.weight == "uniform")
+        return RayScene(self.placement.vertices, receivers.faces, receivers.hierarchy, opacity, lobe)
 
     def tracer(self, total_points: int) -> Tracer:
         """A tracer of up to `total_points` points, for a mesh all of its points, requested or not."""

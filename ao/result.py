@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -39,6 +39,32 @@ class ToleranceWarning(UserWarning):
     """A bake's estimated error exceeds the tolerance asked for."""
 
 
+class SquaredError(NamedTuple):
+    """The mean squared error of values, and its standard error."""
+
+    mean: float
+    deviation: float
+
+    @classmethod
+    def of(cls, values: Float64s, estimates: Float64s, variance: Float64s | float = 0.0) -> Self:
+        """Of values (k,) with a `variance`, from two independent estimates (k, 2) of what they should be.
+
+        For estimates a, b the mean of (v − a)(v − b) is the squared error of v, whatever their noise.
+        """
+        squared = (values - estimates[:, 0]) * (values - estimates[:, 1]) - variance
+        return cls(float(squared.mean()), float(squared.std()) / len(squared) ** 0.5)
+
+    @property
+    def rmse(self) -> float:
+        """The root of the mean, 0 where noise has it below."""
+        return math.sqrt(max(self.mean, 0.0))
+
+    @property
+    def at_least(self) -> float:
+        """The same less two standard errors."""
+        return math.sqrt(max(self.mean - 2 * self.deviation, 0.0))
+
+
 class Interpolation(NamedTuple):
     """The error of w interpolated between vertices, at k points spread evenly over the faces."""
 
@@ -58,14 +84,9 @@ class Interpolation(NamedTuple):
     def of(
         cls, faces: Int64s, weights: Float64s, estimates: Float64s, values: Float64s, variance: Float64s
     ) -> Interpolation:
-        """The error of interpolated `values` (k,) with a `variance` (k,).
-
-        For estimates a, b the mean of (v − a)(v − b) is the squared error of v, whatever their noise.
-        """
-        squared = (values - estimates[:, 0]) * (values - estimates[:, 1]) - variance
-        mean = float(squared.mean())
-        least = mean - 2 * float(squared.std()) / len(squared) ** 0.5
-        return cls(max(mean, 0.0) ** 0.5, max(least, 0.0) ** 0.5, faces, weights, estimates)
+        """The error of interpolated `values` (k,) with a `variance` (k,)."""
+        squared = SquaredError.of(values, estimates, variance)
+        return cls(squared.rmse, squared.at_least, faces, weights, estimates)
 
 
 NOWHERE = Interpolation(0.0, 0.0, np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2)))

@@ -185,7 +185,7 @@ class MeansOfGroups:
             means = np.empty((stop - start, COLUMNS))
             for falloff in range(out.shape[1]):
                 column = np.ascontiguousarray(gathered[:, falloff])
-                leave_out_below(points.arrays, normals, table, scene.cone, column)
+                leave_out_below(points.arrays, normals, table, scene.lobe, column)
                 _average(column, self.samples, means)
                 out[start:stop, falloff] = means
 

@@ -18,7 +18,7 @@ from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64Rows, Flo
 from ..points.points import PointArrays
 from ..points.smooth_surface import leaning
 from ..rays.below_face import shares_below
-from ..rays.directions import BATCHES, number_in_run
+from ..rays.directions import BATCHES, Lobe, number_in_run
 from ..rays.gather import BATCH_VARIANCE, BEHIND, BELOW, BENT, W
 
 MATRIX, OPEN, FALLOFF = 6, 12, 21  # columns: of each half of the samples, of all, and where those by falloffs begin
@@ -142,7 +142,7 @@ def add_moments(
     samples: Samples,
     gathered: Float64Grid,
     cosines: Float64Rows,
-    directions: tuple[int, float],
+    directions: tuple[int, Lobe],
     hidden_weight: float,
     moments: Float64Rows,
     counts: Int64Rows,
@@ -151,7 +151,7 @@ def add_moments(
 
     Args:
         gathered: (n, k, WIDER), rows of the samples by k falloffs. cosines: of `place_samples`.
-        directions: how many each sample has, and sin² of the largest angle to its axis. hidden_weight: of samples more
+        directions: how many each sample has, and how they are distributed. hidden_weight: of samples more
             than half of whose rays end on backs of faces.
         moments: (m, columns), added to: for the even and for the odd samples the upper triangle of Σ b bᵀ, b being
             barycentric coordinates; Σ b · (mean of μ·direction) by the first falloff, axis by axis; then for each
@@ -159,7 +159,7 @@ def add_moments(
             standard error of y by its rays, of a random sign; all weighted by area.
         counts: (m, 3), added to: rays traced, rays left out below the face, samples that are not hidden.
     """
-    rays, cone = directions
+    rays, lobe = directions
     f = 0
     for i in range(len(gathered)):
         k = first + i
@@ -173,7 +173,7 @@ def add_moments(
         counts[f, BELOW_FACE] += below
         counts[f, SEEN] += not hidden
         # Rays below the face are left out, or closed.
-        closed, standing = shares_below(cosines[i, 0], cosines[i, 1], 1.0, cone)
+        closed, standing = shares_below(cosines[i, 0], cosines[i, 1], 1.0, lobe)
         sign = 1.0 if hash32(np.uint32(k)) & np.uint32(1) else -1.0
         entry = (k & 1) * MATRIX
         for p in range(3):

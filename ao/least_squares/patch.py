@@ -170,7 +170,7 @@ class Moments:
     def writer(self, scene: RayScene, tables: Outputs) -> Callable[[int, int], None]:
         gather = self.hemispheres.gatherer(scene)
         falloffs = self.hemispheres.mu.shape
-        directions = self.hemispheres.samples, scene.cone
+        directions = self.hemispheres.samples, scene.lobe
 
         def write(start: int, stop: int) -> None:
             part = self[start:stop]

@@ -24,14 +24,16 @@ from ..estimate.one_ring import Neighbours
 from ..estimate.sites import ONE_PLACE, Sites
 from ..execute.tracer import Progress
 from ..falloff import Falloffs
-from ..options import BackFaces, Options
+from ..options import BackFaces, Options, Weight
 from ..points.discs import NEIGHBOURS, discs
 from ..points.points import Points
 from ..points.receivers import Flag
 from ..prepared import Prepared
 from ..result import Bake, BakedElements, PointValues, assemble, shortfalls
 
-TAKEN = (*("falloff", "samples", "tolerance", "denoise", "spread", "back_faces", "profile", "seed", "threads"),)
+TAKEN = (
+    *("falloff", "samples", "tolerance", "denoise", "spread", "weight", "back_faces", "profile", "seed", "threads"),
+)
 """The options that apply to points."""
 
 
@@ -50,6 +52,7 @@ def bake_points(
     tolerance: float | None = None,
     denoise: bool = True,
     spread: float = 180.0,
+    weight: Weight = "cosine",
     back_faces: BackFaces = "occlude",
     profile: bool = False,
 ) -> Bake:
@@ -63,15 +66,15 @@ def bake_points(
             normal is more than 45° behind it. Directions below the face are closed.
         normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1.
         falloff, samples, seed, threads, progress, occluders, tolerance, denoise: as `ao.bake` takes them.
-        spread, back_faces, profile: likewise.
+        spread, weight, back_faces, profile: likewise.
 
     Raises: OptionError, MeshError, MemoryLimitError, EmbreeError: as `ao.bake`, or arrays have other shapes.
     """
     start = time.perf_counter()
     # The arguments.
     checked = Options(
-        falloff, samples, seed, threads, tolerance=tolerance, denoise=denoise, spread=spread, back_faces=back_faces,
-        profile=profile,
+        falloff, samples, seed, threads, tolerance=tolerance, denoise=denoise, spread=spread, weight=weight,
+        back_faces=back_faces, profile=profile,
     )  # fmt: skip
     places = _rows("points", points)
     axes = _rows("normals", normals)

@@ -14,7 +14,7 @@ from obscurance.raytrace.kernel.vector import dot
 from obscurance.raytrace.types import Float32Rows, Float64Rows
 
 from ..points.points import PointArrays
-from .directions import DirectionTable, choose, turned_frame
+from .directions import DirectionTable, Lobe, choose, turned_frame
 from .gather import BATCH_VARIANCE, BENT, COLUMNS, W
 
 _NOTHING = 1e-9  # of the rays lost: rounding
@@ -22,7 +22,7 @@ _NOTHING = 1e-9  # of the rays lost: rounding
 
 @kernel
 def leave_out_below(
-    points: PointArrays, geometric_normals: Float32Rows, table: DirectionTable, cone: float, out: Float64Rows
+    points: PointArrays, geometric_normals: Float32Rows, table: DirectionTable, lobe: Lobe, out: Float64Rows
 ) -> None:
     """Correct estimates for rays below the face.
 
@@ -30,7 +30,7 @@ def leave_out_below(
         points: PointArrays. table: DirectionTable by which `out` was gathered.
         geometric_normals: float32 (n, 5), unit normals of the faces on their fronts, alpha there, and the cosines
             between the axes and the surface's normals.
-        cone: of the table's directions, sin² of the largest angle to the axis.
+        lobe: of the table's directions.
         out: float64 (n, COLUMNS), of `Tracer.gather`, changed in place.
     """
     directions, samples = table.directions, len(table.batches)
@@ -50,7 +50,7 @@ def leave_out_below(
             below += x * local[0, k] + y * local[1, k] + z * local[2, k] < 0.0
         # Rays below count as ended there, as far as the face is opaque: closed, or replaced by the mean of the others.
         alpha = np.float64(geometric_normal[3])
-        closed, standing = shares_below(np.float64(z), np.float64(geometric_normal[4]), alpha, cone)
+        closed, standing = shares_below(np.float64(z), np.float64(geometric_normal[4]), alpha, lobe)
         lost = closed + 1.0 - out[i, W] - alpha * below / samples
         if lost <= _NOTHING:
             out[i, W], out[i, BATCH_VARIANCE] = 1.0, 0.0
@@ -61,27 +61,34 @@ def leave_out_below(
 
 
 @inline
-def shares_below(cosine, leaning, alpha, cone):
+def shares_below(cosine, leaning, alpha, lobe):
     """The share of directions that a face of an alpha closes, and the share of those that are not left out.
 
-    Args: cosine, leaning: between the axis and the normals of the face, and of the surface. cone: of `share_below`.
+    Args: cosine, leaning: between the axis and the normals of the face, and of the surface.
     """
-    closed = alpha * share_below(leaning, cone)
-    return closed, 1.0 - max(alpha * share_below(cosine, cone) - closed, 0.0)
+    closed = alpha * share_below(leaning, lobe)
+    return closed, 1.0 - max(alpha * share_below(cosine, lobe) - closed, 0.0)
 
 
 @inline
-def share_below(cosine, cone):
-    """The share of cosine-weighted directions about an axis, within a cone, that a plane through its apex has below.
+def share_below(cosine, lobe):
+    """The share of a lobe's directions about an axis that a plane through its apex has below.
 
     Weighted by their cosine, directions are even over the disk that they project to, and the plane cuts this in an
     ellipse (Nusselt's analogue): below is what of the disk of radius sin α is outside of x²/cos²θ + y² = 1, x < 0.
+    Even ones fill a cap of the sphere, which a great circle cuts: 2 arccos(cos θ/sin α) − 2 cos α arccos(cot θ/tan α)
+    of its 2π (1 − cos α) is beyond.
 
-    Args: cosine: cos θ, between the axis and the plane's normal. cone: sin² α, of half the cone's angle.
+    Args: cosine: cos θ, between the axis and the plane's normal.
     """
+    cone = lobe.cone
     upright = min(abs(cosine), 1.0)
     share = 0.0
     if upright**2 < cone:  # else the plane misses the cone
         half = np.arccos(min(upright * np.sqrt((1.0 - cone) / (cone * (1.0 - upright**2))), 1.0))
-        share = (half - upright * np.arctan(upright * np.tan(half)) / cone) / np.pi
+        if lobe.is_even:
+            edge = np.sqrt(1.0 - cone)
+            share = (np.arccos(min(upright / np.sqrt(cone), 1.0)) - edge * half) / (np.pi * (1.0 - edge))
+        else:
+            share = (half - upright * np.arctan(upright * np.tan(half)) / cone) / np.pi
     return share if cosine >= 0.0 else 1.0 - share

@@ -1,4 +1,4 @@
-"""Tables of cosine-weighted directions, and the frames that turn them to the points of a mesh."""
+"""Tables of directions, cosine-weighted or even, and the frames that turn them to the points of a mesh."""
 
 from __future__ import annotations
 
@@ -23,6 +23,23 @@ _TABLE_POINTS = 1 << 18
 _SHARERS = 64  # points to a set at least; each turns it its own way
 _BLOCK, _MOST = 1 << 11, 4  # directions, and blocks at once
 _ROUNDED = 2.0**-20  # of the cosines and sines of cones
+
+
+class Lobe(NamedTuple):
+    """How directions are distributed about an axis: within a cone, like the cosine or evenly over the solid angle."""
+
+    cone: float = 1.0  # sin² of the largest angle
+    is_even: bool = False
+
+    def squared_sines(self, u: Float64s) -> Float64s:
+        """sin² of the angles to the axis for `u` in (0, 1), uniform."""
+        if not self.is_even:
+            return u * self.cone  # Malley's method
+        cosines = 1.0 - u * (1.0 - np.sqrt(1.0 - self.cone))
+        return np.asarray(1.0 - cosines**2)
+
+
+COSINE = Lobe()
 
 
 class DirectionTable(NamedTuple):
@@ -52,11 +69,8 @@ class DirectionTable(NamedTuple):
     step: np.float64
 
     @classmethod
-    def make(cls, samples: int, points: int, key: np.uint32, leap: int = 1, cone: float = 1.0) -> DirectionTable:
-        """A table for gathering at `points` points: so many sets that making them costs little beside the gathering.
-
-        Args: cone: sin² of the largest angle to +z.
-        """
+    def make(cls, samples: int, points: int, key: np.uint32, leap: int = 1, lobe: Lobe = COSINE) -> DirectionTable:
+        """A table for gathering at `points` points: so many sets that making them costs little beside the gathering."""
         lattices = min(max(_TABLE_POINTS // (samples * leap), 8), max(points // (_SHARERS * leap), 8), 256)
         count = lattices * leap
         step = {1: GOLDEN, RUN: _RUN_STEP}.get(leap, LEAPED)
@@ -69,7 +83,7 @@ class DirectionTable(NamedTuple):
             """The sets (s, 3, samples) of the lattices from `start` to `stop`, as the lattices order them."""
             u, v = jittered_lattice(lattices, samples * leap, key, step, slice(start, stop))
             v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
-            return cosine_hemisphere(by_set(u) * cone, by_set(v))  # u = sin²θ
+            return cosine_hemisphere(lobe.squared_sines(by_set(u)), by_set(v))
 
         # Directions that lie together stand together, so that cones about blocks of them are narrow.
         order = _in_blocks(*directions_of(0, 1)[0, :2])

@@ -22,7 +22,7 @@ from ..execute.sample_means import SampleMeans
 from ..execute.tracer import Progress
 from ..falloff import Falloffs, Length
 from ..memory import TRACED_TEXEL, bytes_of_texture
-from ..options import BackFaces, BentSpace, Interior, Normals, Overlap, TextureOptions
+from ..options import BackFaces, BentSpace, Interior, Normals, Overlap, TextureOptions, Weight
 from ..points.occluders import occluding
 from ..points.projection import cage_of
 from ..prepared import Inputs, Prepared
@@ -70,6 +70,7 @@ def bake_texture(
     interior: Interior = "auto",
     thickness: bool = False,
     spread: float = 180.0,
+    weight: Weight = "cosine",
     back_faces: BackFaces = "occlude",
     profile: bool = False,
     cage: Length | Mesh | Any = "2%",
@@ -127,7 +128,8 @@ def bake_texture(
             falloff; where rays leave through holes of the mesh it is thick, which `shortfalls` says. Not with
             `interior` mark or fill.
         spread: Full angle in degrees of the cone of rays about the normal, in which 180, the hemisphere, is all. 1 to
-            180. Rays stay distributed like cosθ, and w is their mean: 1 where nothing is in the cone.
+            180. w is the mean over rays within it: 1 where nothing is in the cone.
+        weight: Of directions: like their cosine to the normal, or uniform, so that w is a share of the solid angle.
         back_faces: ignore: rays pass through faces that they meet from behind, as through single-sided walls. A face's
             front is where its corners run anticlockwise. `interior` sees backs all the same.
         profile: Also store w at half-distances an octave apart, from .5% to 256% of the radius, so that the

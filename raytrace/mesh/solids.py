@@ -1,11 +1,22 @@
-"""Closed parts of meshes: solids, cavities, and solids whose faces look inwards by mistake."""
+"""What the faces of a mesh bound: solids, cavities, solids whose faces look inwards by mistake; and its hash."""
 
 import numpy as np
 
 from ..kernel.jit import inline, kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
 from ..system.parallel import each
-from ..types import Bools, Float32Rows, Float32s, Float64s, Int32Rows, Int32s, Int64Rows, Int64s, UInt64s
+from ..types import (
+    Bools,
+    Float32Rows,
+    Float32s,
+    Float64s,
+    Int32Rows,
+    Int32s,
+    Int64Rows,
+    Int64s,
+    UInt32Rows,
+    UInt64s,
+)
 from .mesh import Mesh
 from .normals import face_areas
 from .placement import Placement
@@ -132,16 +143,46 @@ def _sum_edges(corners: Int32Rows | Int64Rows, part: Int64s, sums: UInt64s) -> N
         for k in range(3):
             a = corners[f, k]
             b = corners[f, (k + 1) % 3]
-            hashed = _hashed(np.uint64(min(a, b)) << np.uint64(32) | np.uint64(max(a, b)))
+            hashed = hash64(np.uint64(min(a, b)) << np.uint64(32) | np.uint64(max(a, b)))
             if a < b:
                 sums[part[a]] += hashed
             elif a > b:
                 sums[part[a]] -= hashed
 
 
+def shape_hash(mesh: Mesh) -> str:
+    """A hash, in hexadecimal digits, of the triangles by their corners' coordinates in float32.
+
+    It is the same whatever the order of vertices and faces, and how often vertices are stored; faces that are turned
+    over have another.
+    """
+    total = np.zeros(1, np.uint64)
+    with np.errstate(over="ignore"):
+        words = (mesh.vertices.astype(np.float32) + np.float32(0)).view(np.uint32)  # 0 and −0 are alike
+    _hash_triangles(words, mesh.faces, total)
+    return f"{total[0]:016x}"
+
+
+@kernel
+def _hash_triangles(words: UInt32Rows, faces: Int32Rows, total: UInt64s) -> None:
+    """Add up hashes of the triangles. Args: words: (n, 3), the bits of coordinates. total: (1,), a sum, written."""
+    for f in range(len(faces)):
+        a = _hash_corner(words, faces[f, 0])
+        b = _hash_corner(words, faces[f, 1])
+        c = _hash_corner(words, faces[f, 2])
+        total[0] += hash64(hash64(b - a) + hash64(c - b) + hash64(a - c))
+
+
 @inline
-def _hashed(x):
-    """A bijective hash, uint64 (Steele, Lea & Flood 2014, SplitMix)."""
+def hash64(x):
+    """A bijective hash of one value, uint64 (Steele, Lea & Flood 2014, SplitMix)."""
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return x ^ (x >> np.uint64(31))
+
+
+@inline
+def _hash_corner(words, vertex):
+    x = hash64(np.uint64(words[vertex, 0]))
+    x = hash64(x ^ np.uint64(words[vertex, 1]))
+    return hash64(x ^ np.uint64(words[vertex, 2]))

@@ -83,6 +83,7 @@ class Stored:
     """A file as its format has it, which the format's own writer gives back but for what is new."""
 
     is_scene = False  # whether it has nodes, and materials of its own kind, which others cannot hold
+    record = ""  # of the bake whose w it holds (`scenes.bake.record`)
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -134,6 +134,13 @@ class Plan(NamedTuple):
             values["occlusion"] = "ramp" if self.channels.ramp else "none"
         return values | {"mesh": str(self.mesh), "threads": thread_count(self.options.threads)}
 
+    def changed(self) -> dict[str, Any]:
+        """The options of results and of further inputs that are not at their defaults, as a JSON report has them."""
+        options = vars(self.options)
+        rows = [row for row in ROWS.values() if row.role in ("result", "input") and self.kind in row.bake_kinds.split()]
+        changed = [row for row in rows if row.name != "mesh" and options[row.name] != row.default]
+        return {row.name: plain(options[row.name]) for row in changed}
+
     def with_options(self, **changes: Any) -> Plan:
         """The plan with other files, or run in another way. Args: changes: options that do not decide what is baked."""
         return self._replace(options=self.options.replaced(**changes))

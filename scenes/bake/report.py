@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from obscurance.ao.declared import Option
 from obscurance.raytrace.errors import InputError, nearest_name, shortened
 
-from .options import BAKE, PRESETS, ROWS, check_stored, plain
+from .options import BAKE, PRESETS, ROWS, check_stored
 
 if TYPE_CHECKING:
     from ..asset.asset import Asset
@@ -75,15 +75,9 @@ def command_line(command: str, table: Iterable[Option], options: Mapping[str, An
 def command_again(plan: Plan, source: Asset) -> str:
     """The command that bakes vertices again at another half-distance, "{}", into a file that keeps what it holds."""
     is_painted = source.is_scene or source.materials or source.columns("uv0")
-    changed = {
-        name: value
-        for name, value in plan.described().items()
-        if ROWS[name].role != "output"
-        and name not in _OF_FALLOFF
-        and plain(getattr(plan.options, name)) != plain(ROWS[name].default)
-    }
+    changed = {name: value for name, value in plan.changed().items() if name not in _OF_FALLOFF}
     target = f"{plan.mesh.stem}-baked{'.glb' if is_painted else '.ply'}"
-    line = command_line("bake", BAKE, changed | {"output": target, "half_distance": "{}"})
+    line = command_line("bake", BAKE, changed | {"mesh": str(plan.mesh), "output": target, "half_distance": "{}"})
     return line.replace("'{}'", "{}")
 
 

@@ -25,6 +25,7 @@ from ..formats.images import write_grey, write_normals
 from ..show.progress import progress
 from .console import texture_summary, warn
 from .pages import Layout, Page, lacking, layout_remarks, outputs_of
+from .record import Record
 from .report import OutputSummary, WorkSize, hashed_inputs, write_bake_report
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     with ExitStack() as until_written:
         # Rows of the pages of a .glb are kept until it is written.
         of_glb = until_written.enter_context(open_checkpoint(plan.output)) if plan.glb == plan.output else None
+        record = Record.of(plan, inputs.source.mesh).text
         for page in layout.pages:
             target = page.path(plan.output)
             checkpoint = of_glb or until_written.enter_context(open_checkpoint(target))
@@ -80,7 +82,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             new_warnings = warn([], [line for line in lines if line not in known_warnings])
             begun = time.perf_counter()
             with progress(plan.options.quiet, "writing", form=plan.options.progress):
-                _write_images(plan, baked, page)
+                _write_images(plan, baked, page, record)
             seconds = {"load": loaded, "write": time.perf_counter() - begun}
             bakes.append(BakedPage(title, baked, seconds, [*warnings, *new_warnings]))
             if not plan.glb:
@@ -90,7 +92,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         if plan.glb:
             begun = time.perf_counter()
             with progress(plan.options.quiet, "writing", form=plan.options.progress):
-                bakes[-1].warnings.extend(_write_glb(plan.glb, plan, inputs, layout, bakes))
+                bakes[-1].warnings.extend(_write_glb(plan.glb, plan, inputs, layout, bakes, record))
             bakes[-1].seconds["write"] += time.perf_counter() - begun
             text = "\n".join(texture_summary(page.baked, page.title) for page in bakes)
             in_all = dict.fromkeys(line for page in bakes for line in page.warnings)
@@ -122,13 +124,13 @@ def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, check
     return baked if page.shown is None else replace(baked, uv=page.shown)
 
 
-def _write_images(plan: Plan, baked: ao.BakedTexture, page: Page) -> None:
+def _write_images(plan: Plan, baked: ao.BakedTexture, page: Page, record: str) -> None:
     """Write a page's images: w, bent normals and errors, as far as the plan asks for them."""
     options = plan.options
     bits = int(options.bits or 16)
     images = {name: page.path(path) for name, path in plan.images.items()}
     if "output" in images:
-        described = {"content": "w, 1 = open", "seed": str(options.seed)}
+        described = {"content": "w, 1 = open", "seed": str(options.seed), "bake": record}
         write_grey(images["output"], baked.w, options.half, described, bits, baked.profile)
     if "bent_normals" in images:
         spaces = {"tangent": "tangent space, +Y", "tangent-directx": "tangent space, -Y"}
@@ -138,7 +140,9 @@ def _write_images(plan: Plan, baked: ao.BakedTexture, page: Page) -> None:
         write_grey(images["error_map"], baked.error, options.half, {"content": "standard error of w"})
 
 
-def _write_glb(path: Path, plan: Plan, inputs: BakeInputs, layout: Layout, bakes: Sequence[BakedPage]) -> list[str]:
+def _write_glb(
+    path: Path, plan: Plan, inputs: BakeInputs, layout: Layout, bakes: Sequence[BakedPage], record: str
+) -> list[str]:
     """Write the .glb, with w of vertices where there are no texture coordinates; returns warnings."""
     from ..formats.gltf.textured import textured_glb
 
@@ -152,7 +156,7 @@ def _write_glb(path: Path, plan: Plan, inputs: BakeInputs, layout: Layout, bakes
             only[source.mesh.faces[run.faces]] |= uncovered[run.faces].any()
         options = {"falloff": layout.falloff, "threads": plan.options.threads, "only": only}
         w = bake_vertices(VertexArguments.of(plan.arguments, inputs.chosen.mesh, **options, **inputs.arguments)).w
-    content, lines = textured_glb(source, textures, plan.options.replace_occlusion, plan.options.orm, w)
+    content, lines = textured_glb(source, textures, plan.options.replace_occlusion, plan.options.orm, w, record)
     write_bytes(path, content)
     return warn([], [f"{path}: {line}" for line in lines])
 

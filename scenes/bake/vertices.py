@@ -25,6 +25,7 @@ from ..formats.write import write_vertices
 from ..show.progress import progress
 from ..show.report.verdict import COARSE
 from .console import HARD, bake_summary, warn
+from .record import Record
 from .report import OutputSummary, WorkSize, command_again, hashed_inputs, write_bake_report
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
             lines.append(f"{plan.output}: {missed:,} of {len(baked.w):,} vertices lie {outside}")
         warnings = [*warn([], lines), *warnings]
         traced = time.perf_counter()
-        channels = plan.channels
+        channels = plan.channels._replace(record=Record.of(plan, inputs.source.mesh).text)
         if plan.ending == ".html":
             channels = channels._replace(again=command_again(plan, inputs.source), warning="".join(coarse))
         with progress(options.quiet, "writing", form=options.progress):

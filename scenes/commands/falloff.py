@@ -1,6 +1,7 @@
 """`obscurance falloff`: w at other half-distances, from the profile that a bake has stored, without rays."""
 
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
@@ -11,6 +12,7 @@ from obscurance.raytrace.system.checks import check_ending, check_outputs
 from ..asset.asset import Asset
 from ..asset.primitive import StoredBake
 from ..bake.console import warn
+from ..bake.record import Record
 from ..formats.falloffs import Scales
 from ..formats.images import check_texture_target, write_grey
 from ..formats.load import load
@@ -40,7 +42,9 @@ def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None)
     if textured:
         profile = checked_profile(baked, find_profile(baked))
         w = scales.of(profile)
-        write_grey(output, w.astype("<f4"), False, {"content": "w, 1 = open"}, profile=profile)
+        write_grey(
+            output, w.astype("<f4"), False, {"content": "w, 1 = open", "bake": _record(baked, scales)}, profile=profile
+        )
         count = f"{w.size:,} texels"
     else:
         count = f"{_write_vertices(baked, scales, output, mesh):,} vertices"
@@ -54,22 +58,32 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     source = None if baked.suffix.lower() == ".npz" else load(baked, output)
     profile = checked_profile(baked, source.profile if source else find_profile(baked))
     file = load(mesh, output) if mesh else source
-    arrays = {".npy": npy, ".npz": npz}.get(output.suffix.lower())
-    if file is None and arrays is None:
+    arrays: dict[str, Callable[..., memoryview]] = {".npy": npy, ".npz": npz}
+    is_array = output.suffix.lower() in arrays
+    if file is None and not is_array:
         raise OptionError("mesh", f"--mesh with the mesh that {baked.name} belongs to", "none")
     w = scales.of(profile)
     if file and len(w) != len(file.mesh.vertices):
         raise SceneError(baked, "profile", f"a row for each of the {len(file.mesh.vertices):,} vertices", f"{len(w):,}")
-    shown = channels(output, None, None, False)
+    shown = channels(output, None, None, False)._replace(record=_record(baked, scales))
     if file:
         warn([], unsupported_features(output, file, shown))
     flags = source.baked.flags if source and source.baked else read_beside_w(baked, len(w)).get("flags")
     values = cast("Bake", StoredBake(w, flags=flags, profile=profile))
-    if arrays:
-        write_bytes(output, arrays(values))
+    if is_array:
+        write_bytes(output, arrays[output.suffix.lower()](values, None, shown))
     elif file:
         write_vertices(output, values, file, shown._replace(again=_command_again(baked, file, mesh)))
     return len(w)
+
+
+def _record(baked: Path, scales: Scales) -> str:
+    """The record of a bake with another half-distance, as of `Channels`; empty of a product of several."""
+    record = Record.read(baked)
+    if record is None or len(scales.half_distances) > 1 or scales.powers != (1.0,):
+        return ""
+    options = {name: value for name, value in record.options.items() if name != "tau"}
+    return record._replace(options=options | {"half_distance": scales.half_distances[0]}).text
 
 
 def _command_again(baked: Path, file: Asset, mesh: Path | None) -> str:

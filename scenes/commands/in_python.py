@@ -11,7 +11,7 @@ import numpy as np
 
 from obscurance.ao.declared import known_names
 from obscurance.ao.falloff import Falloffs, Length, falloffs_of
-from obscurance.ao.options import At, BackFaces, Interior, Method, Normals
+from obscurance.ao.options import At, BackFaces, Interior, Method, Normals, Weight
 from obscurance.raytrace.errors import ConflictError
 from obscurance.raytrace.types import Bools
 
@@ -65,6 +65,7 @@ def bake(
     interior: Interior = "auto",
     thickness: bool = False,
     spread: float = 180.0,
+    weight: Weight = "cosine",
     back_faces: BackFaces = "occlude",
     profile: bool = False,
     method: Method = "vertex",
@@ -95,7 +96,7 @@ def bake(
         progress: True shows a bar, "json" prints lines of JSON, a function is called with what is done, in all and the
             stage. None: a line in notebooks.
         samples, seed, threads, normals, tolerance, denoise, interior, thickness, spread: as `ao.bake` takes them.
-        back_faces, profile, method, at, both_sides, only, occluders, checkpoint: likewise.
+        weight, back_faces, profile, method, at, both_sides, only, occluders, checkpoint: likewise.
 
     Raises:
         OptionError: as `ao.bake`; a name or a value that the command refuses, or arguments that do not go together.

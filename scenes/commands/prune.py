@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obscurance.raytrace import Mesh
-from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.errors import OptionError, printable
 from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.mesh.placement import Placement
+from obscurance.raytrace.mesh.weld import coincident, connected_components
 from obscurance.raytrace.system.atomic import check_writable, write_bytes
 from obscurance.raytrace.system.checks import check_outputs
 from obscurance.raytrace.types import AnyInts, Bools, Float64s
 
+from ..bake.options import PrunedBy
 from ..formats.gltf.textured import check_vertices
 from ..formats.load import load, parser_errors
 from ..formats.ply.write import bare_ply
@@ -23,17 +26,24 @@ from ..formats.stl import TRIANGLE
 from ..show.progress import progress
 
 if TYPE_CHECKING:
-    from ..asset.asset import Asset, Part
+    from ..asset.asset import Asset, Named, Part
     from ..formats.gltf.asset import Gltf
     from ..formats.gltf.builder import GlbBuilder
 
 _ENDINGS = ".glb", ".ply", ".obj", ".stl", ".off"
+_LISTED = 8  # objects that are gone
 _ROUNDED = 1e-6  # of a mesh's extent, by which a vertex may move in an .stl
 _ZERO = {"componentType": 5121, "count": 1, "type": "SCALAR"}  # an accessor of a zero takes no bytes
 
 
-def prune(source: Path, output: Path, seed: int, threads: int | None, quiet: bool) -> str:
+def prune(
+    source: Path, output: Path, seed: int, threads: int | None, quiet: bool,
+    by: PrunedBy = "faces", keep_neighbours: int = 0,
+) -> str:  # fmt: skip
     """Write the mesh file without its unseen faces, a .glb with all else that it has; return a line about it.
+
+    Args: by: what goes as a whole, if nothing of it is seen. keep_neighbours: how many rings of faces around seen
+        ones stay.
 
     Raises: OptionError: of the output's ending, or nothing would be left. MeshError: the file cannot be read.
     """
@@ -42,6 +52,8 @@ def prune(source: Path, output: Path, seed: int, threads: int | None, quiet: boo
     ending = output.suffix.lower()
     if ending not in _ENDINGS:
         raise OptionError("output", "a name ending in " + ", ".join(_ENDINGS), output)
+    if keep_neighbours < 0:
+        raise OptionError("keep_neighbours", "a number of rings from 0 on", keep_neighbours)
     check_writable(output)
     mesh_file = load(source, output if ending == ".glb" else None)
     check_outputs({"--output": output}, mesh_file.files)
@@ -53,17 +65,55 @@ def prune(source: Path, output: Path, seed: int, threads: int | None, quiet: boo
         check_vertices(mesh_file)
     with progress(quiet, "rays") as (advance,):
         unseen = unseen_faces(mesh_file.mesh, seed, threads, advance)
-    if unseen.faces.all():
+    kept = _kept(mesh_file, ~unseen.faces, by, keep_neighbours)
+    if not kept.any():
         raise OptionError("mesh", "faces that something outside sees", f"{source}, without any: is it a room?")
     if ending == ".glb":
         with parser_errors(source):
-            content, face_count = _visible_glb(mesh_file, ~unseen.faces)
+            content, face_count = _visible_glb(mesh_file, kept)
     else:
-        content = _visible_mesh(mesh_file.mesh, ~unseen.faces, output)
-        face_count = int(np.count_nonzero(~unseen.faces))
+        content = _visible_mesh(mesh_file.mesh, kept, output)
+        face_count = int(np.count_nonzero(kept))
     write_bytes(output, content)
-    text = f"{output}: {face_count:,} faces; {len(unseen.faces) - face_count:,} that nothing outside sees are gone"
-    return f"{text}. Of what one of these looks at less than {unseen.share:.2%} is open, with 95 % confidence"
+    text = f"{output}: {face_count:,} faces; {len(kept) - face_count:,} that nothing outside sees are gone"
+    gone = _gone_objects(mesh_file, kept)
+    listed = f". Whole objects: {', '.join(gone[:_LISTED])}{', …' if len(gone) > _LISTED else ''}" if gone else ""
+    return f"{text}{listed}. Of what one of these looks at less than {unseen.share:.2%} is open, with 95 % confidence"
+
+
+def _objects(source: Asset) -> tuple[AnyInts, list[str]]:
+    """The number of the object (m,) of each face, and the objects' names."""
+    numbers: dict[Named, int] = {}
+    of = np.zeros(len(source.mesh.faces), np.int64)
+    for run in source.runs():
+        of[run.faces] = numbers.setdefault(run.object, len(numbers))
+    return of, [named.name for named in numbers]
+
+
+def _kept(source: Asset, seen: Bools, by: PrunedBy, rings: int) -> Bools:
+    """The faces that stay: of which something is seen, or of whose object or connected part, and `rings` around."""
+    mesh = source.mesh
+    corners = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
+    count = int(corners.max()) + 1
+    if by != "faces":
+        group = connected_components(corners, count)[corners[:, 0]] if by == "parts" else _objects(source)[0]
+        seen = (np.bincount(group, seen) > 0)[group]
+    for _ in range(rings):
+        beside = np.zeros(count, np.bool_)
+        beside[corners[seen]] = True
+        seen = np.any(beside[corners], axis=1)
+    return seen
+
+
+def _gone_objects(source: Asset, kept: Bools) -> list[str]:
+    """Objects of which no face stays, and how many they had."""
+    of, names = _objects(source)
+    counts, left = np.bincount(of, minlength=len(names)), np.bincount(of, kept, len(names))
+    return [
+        printable(f"{name} ({count:,} faces)")
+        for name, count, kept_count in zip(names, counts.tolist(), left, strict=True)
+        if count and not kept_count
+    ]
 
 
 def _visible_mesh(mesh: Mesh, seen: Bools, output: Path) -> bytes:

@@ -24,7 +24,7 @@ from obscurance.raytrace.types import Bools, Float64s
 from ..asset.asset import Asset
 from ..asset.primitive import Primitive
 from .load import parser_errors
-from .table import MeshInput, format_of, is_raster
+from .table import Channels, MeshInput, format_of, is_raster
 
 if TYPE_CHECKING:
     from rasterio.io import DatasetReader
@@ -41,6 +41,7 @@ _CELL = 240  # bytes of memory a cell takes until it is a vertex and two triangl
 _PACKED, _FEW = 1100, 1 << 20  # cells that a byte of file holds at most; so many that any file may have
 _NO_DATA = -9999.0
 _KEPT = "width", "height", "crs", "transform"
+_RECORD = "OBSCURANCE_BAKE"  # a tag: how w was baked
 _BANDS = {"obscurance": "w", "standard error": "error"}  # of a result, and what is in them
 
 
@@ -148,7 +149,7 @@ def opened(file: Any, source: str) -> DatasetReader:
     return raster
 
 
-def raster(bake: Bake, asset: Asset, _: object) -> bytes:
+def raster(bake: Bake, asset: Asset, channels: Channels = Channels()) -> bytes:
     """A GeoTIFF of w and, as a second band, its standard error where that is known, float32.
 
     Raises: OptionError: what was baked is no raster.
@@ -171,6 +172,8 @@ def raster(bake: Bake, asset: Asset, _: object) -> bytes:
                 cells[has_data] = values
                 target.write(cells, number)
                 target.set_band_description(number, name)
+            if channels.record:
+                target.update_tags(**{_RECORD: channels.record})
         content: bytes = memory.read()
     return content
 
@@ -188,6 +191,12 @@ def stored_columns(path: Path, wanted: Container[str]) -> dict[str, Float64s]:
             for number, column in columns.items()
             if column in wanted
         }
+
+
+def stored_record(path: Path) -> str:
+    """The record of the bake that a raster holds, or nothing. Raises: as `opened`."""
+    with path.open("rb") as file, opened(file, str(path)) as source:
+        return str(source.tags().get(_RECORD, ""))
 
 
 FORMATS = (

@@ -6,19 +6,19 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from obscurance.raytrace.errors import MeshError, OptionError, SceneError
 from obscurance.raytrace.image.read import read_image
-from obscurance.raytrace.image.texture import pack_textures
+from obscurance.raytrace.image.texture import Texture, pack_textures
 from obscurance.raytrace.image.texture_lookup import sample_points
 from obscurance.raytrace.mesh.weld import first_alike
 from obscurance.raytrace.system.atomic import PathName
 from obscurance.raytrace.system.checks import check_regular
-from obscurance.raytrace.types import AnyFloats, Float64s
+from obscurance.raytrace.types import AnyFloats, Float64s, Int64s
 
 from ..asset.asset import Asset, Part
 from ..asset.primitive import W
@@ -129,6 +129,33 @@ def _of_part(asset: Asset, part: Part, scales: Scales | None) -> AnyFloats | Non
     sample_points(pack_textures([texture]), 0, uv, linear)
     w: Float64s = 1.0 + lookup.strength * (linear[:, 0] - 1.0)  # glTF 2.0, section 5.21
     return w
+
+
+class FaceTextures(NamedTuple):
+    """Textures by which w varies on faces.
+
+    Attributes: uv: (m, 3, 2), v upwards, NaN where there are none. of: (m,), which texture a face has, −1 for none.
+        textures: and their strengths.
+    """
+
+    uv: Float64s
+    of: Int64s
+    textures: list[tuple[Texture, float]]
+
+
+def occlusion_textures(asset: Asset) -> FaceTextures | None:
+    """The occlusion textures of a glTF but for ramps, None without any."""
+    count = len(asset.mesh.faces)
+    uv, of = np.full((count, 3, 2), np.nan), np.full(count, -1)
+    numbers: dict[tuple[Texture, float], int] = {}
+    for run in asset.runs() if asset.is_scene else ():
+        part, lookup = asset.parts[run.part], asset.material(run.material.key).occlusion
+        used = asset.looked_up(part.primitive, lookup)
+        if lookup and used and not lookup.is_ramp:
+            column, texture = used
+            uv[run.faces] = column.values[part.primitive.rows(column)[run.faces - part.faces.start]]
+            of[run.faces] = numbers.setdefault((texture, lookup.strength), len(numbers))
+    return FaceTextures(uv, of, list(numbers)) if numbers else None
 
 
 def _of_raster(path: Path) -> Float64s:

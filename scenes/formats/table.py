@@ -38,6 +38,7 @@ class Channels(NamedTuple):
     ply_name: str | None = None  # a further property of a PLY that holds w
     again: str = 'baked.profile.at("{}")'  # how a page says to bake another half-distance, "{}"
     warning: str = ""  # about the result, which a page says first
+    record: str = ""  # of the bake (`scenes.bake.record`)
 
 
 class FileFormat(NamedTuple):

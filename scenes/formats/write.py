@@ -204,7 +204,7 @@ def npy(bake: Bake, *_: object) -> memoryview:
     return content.getbuffer()
 
 
-def npz(bake: Bake, *_: object) -> memoryview:
+def npz(bake: Bake, _: object = None, channels: Channels = Channels()) -> memoryview:
     """w, error and bent normals as float32, flags as uint8, as far as they are known; the profile as it is kept."""
     content = io.BytesIO()
     arrays: dict[str, Any] = known_columns(bake)
@@ -212,6 +212,8 @@ def npz(bake: Bake, *_: object) -> memoryview:
         arrays |= {f"{name}_below": values for name, values in known_columns(bake.below).items()}
     if profile := bake.profile:
         arrays |= {"profile": profile.values} | {name: np.float64(value) for name, value in profile.lengths.items()}
+    if channels.record:
+        arrays["bake"] = np.array(channels.record)
     np.savez(content, **arrays)
     return content.getbuffer()
 

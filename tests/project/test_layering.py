@@ -20,7 +20,7 @@ ORDER = [
     *("ao.interpolation_error", "ao.baking", "ao.unseen", "ao.report", "ao.cluster", "ao.closed_forms"),
     *("scenes.json_toml", "scenes.safe_paths", "scenes.geometry", "scenes.asset", "scenes.formats"),
     "scenes.description",
-    *("scenes.show", "scenes.library", "scenes.validation", "scenes.bake", "scenes.commands"),
+    *("scenes.show", "scenes.library", "scenes.validation", "scenes.bake", "scenes.check", "scenes.commands"),
     "cli",
 ]
 """Every folder and every file outside folders: each may import what stands before it."""

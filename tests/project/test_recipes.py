@@ -29,7 +29,7 @@ def test_blocks_are_shell(text):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("text", blocks("yaml"))
+@pytest.mark.parametrize("text", [text for text in blocks("yaml") if not text.id.startswith("checking")])
 def test_manifests_parse_and_mount_what_they_name(text):
     for manifest in yaml.safe_load_all(text):
         assert {"apiVersion", "kind", "metadata", "spec"} <= manifest.keys()

@@ -9,7 +9,7 @@ import numpy as np
 from mesh_files import obj, ply
 from project import ROOT, environment
 
-FILES, MOVES = 24, 160  # of the command and of `scenes`, where a bake is decided, read and written
+FILES, MOVES = 24, 167  # of the command and of `scenes`, where a bake is decided, read and written
 MODULES = 125  # of the packages
 NEEDLESS = {
     *(

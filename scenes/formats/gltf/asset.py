@@ -30,6 +30,7 @@ JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
 _DEEPEST = 100
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+RECORD = "obscurance"  # among the extras of `asset`: how w was baked
 T = TypeVar("T")
 
 
@@ -71,6 +72,12 @@ class Gltf(Stored):
     def materials(self) -> GltfMaterials:
         """Materials, textures and samplers of the header. Raises: MeshError."""
         return parse(GltfMaterials, self.header, self.path)
+
+    @property
+    def record(self) -> str:  # type: ignore[override]
+        """Of the bake whose w it holds, as `describe_bake` writes it."""
+        extras = self.header.get("asset", {}).get("extras")
+        return str(extras.get(RECORD, "")) if isinstance(extras, dict) else ""
 
     @property
     def files(self) -> tuple[Path, ...]:

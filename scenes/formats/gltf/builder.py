@@ -14,7 +14,7 @@ from obscurance.raytrace.types import AnyInts, Float64s
 
 from ...asset.primitive import BAKED, W, known_columns
 from .accessors import COMPONENTS
-from .asset import BIN_CHUNK, JSON_CHUNK
+from .asset import BIN_CHUNK, JSON_CHUNK, RECORD
 from .records import LEFT, PROFILE
 
 if TYPE_CHECKING:
@@ -49,6 +49,15 @@ class GlbBuilder:
         kind = "SCALAR" if array.ndim == 1 else f"VEC{array.shape[1]}"
         stored = {"bufferView": view, "componentType": _CODES[array.dtype], "count": len(array), "type": kind}
         return self.append("accessors", stored | fields)
+
+    def describe_bake(self, record: str) -> None:
+        """Store the record of a bake in place of an earlier one. Args: record: as of `Channels`, none if empty."""
+        extras = self.header["asset"].setdefault("extras", {})
+        if isinstance(extras, dict):  # else they are no table of names
+            extras.pop(RECORD, None)
+            extras |= {RECORD: record} if record else {}
+        if extras == {}:
+            del self.header["asset"]["extras"]
 
     def encode(self) -> bytes:
         """The GLB file."""

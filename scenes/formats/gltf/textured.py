@@ -13,6 +13,7 @@ from obscurance.raytrace.types import AnyFloats, Float64s, Int64s
 
 from ...asset.asset import Asset
 from ..load import parser_errors
+from ..table import Channels
 from .accessors import flipped, normalized, triangles, values
 from .asset import Gltf
 from .builder import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, GlbBuilder
@@ -32,6 +33,7 @@ def textured_glb(
     replace: bool = False,
     orm: bool = False,
     w: AnyFloats | None = None,
+    bake_record: str = "",
 ) -> tuple[bytes, list[str]]:
     """A GLB file of a mesh file, with 8 bits of w a texel, and warnings: lines for the user, mostly none.
 
@@ -42,11 +44,12 @@ def textured_glb(
         pages: textures of different faces. replace: put them also in place of occlusion textures of the source.
         orm: put w into R of the materials' metallic-roughness images (`scenes.formats.gltf.orm`).
         w: (n,) of the vertices, for primitives that are on no page: a ramp shows it.
+        bake_record: of the bake, as of `Channels`.
 
     Raises: InputError: malformed materials or values; coordinates too large for float32.
     """
     # The document without textures, and what puts these into its materials.
-    builder, drawn = document(source, None)
+    builder, drawn = document(source, None, Channels(record=bake_record))
     asset = Gltf(source.path, builder.header, [bytes(builder.binary)])
     raw = source.raw if isinstance(source.raw, Gltf) else None
     textures = OrmTextures(builder, replace, asset=raw) if orm else OcclusionTextures(builder, replace)

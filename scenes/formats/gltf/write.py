@@ -49,6 +49,7 @@ def document(asset: Asset, bake: Bake | None, channels: Channels = Channels()) -
     builder, drawn = _stored(raw, asset.parts) if raw else plain(asset, channels.colors)
     stored = Gltf(asset.path, builder.header, [bytes(builder.binary)]) if len(channels.colors) == 1 else None
     _add_up_axis_node(builder.header, up_axis(asset.mesh, channels.up), raw)
+    builder.describe_bake(channels.record)
     if bake:
         if len(bake.w) == len(asset.mesh.vertices):
             drawn = [one._replace(rows=one.vertices) for one in drawn]

@@ -40,6 +40,7 @@ PROFILE = f"{W}_"  # and two digits: columns of a profile
 PROFILE_COMMENT = "comment obscurance profile: "  # of files of ours, the radius and the half-distances
 RGB = ("red", "green", "blue")
 OWN = "comment obscurance: "  # of files of ours, and what holds w
+RECORD_COMMENT = "comment obscurance bake: "  # of files of ours, and how w was baked
 _TEXTURE = "comment TextureFile "  # of MeshLab and others, and a name
 UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 _MESH = ("x", "y", "z", "nx", "ny", "nz")
@@ -92,7 +93,9 @@ class Ply(Stored):
 
     def __init__(self, elements: Sequence[Element], comments: tuple[str, ...]) -> None:
         self.elements = tuple(elements)
-        self.comments = tuple(line for line in comments if not line.startswith((OWN, PROFILE_COMMENT)))
+        self.comments = tuple(line for line in comments if not line.startswith((OWN, PROFILE_COMMENT, RECORD_COMMENT)))
+        records = (line.removeprefix(RECORD_COMMENT) for line in comments if line.startswith(RECORD_COMMENT))
+        self.record = next(records, "")
 
     def reversed(self) -> Self:
         """The file with the corners of faces in reverse order, in all lists that have a value or a pair for each, and

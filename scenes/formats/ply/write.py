@@ -51,6 +51,8 @@ def ply(bake: Bake, asset: Asset, channels: Channels) -> bytes:
         words = [*map(repr, [profile.radius, *profile.half_distances.tolist()])]
         words += ["max_distance", repr(profile.max_distance)] if "max_distance" in profile.lengths else []
         comments.insert(1, layout.PROFILE_COMMENT + " ".join(words))
+    if channels.record:
+        comments.insert(1, layout.RECORD_COMMENT + channels.record)
     # The elements, with w in that of vertices or of faces.
     further = channels.ply_name
     named = "face" if bake.at == "faces" else "vertex"

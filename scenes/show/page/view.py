@@ -18,7 +18,7 @@ from obscurance.raytrace.types import Float64s, UInt8s
 from ...asset.asset import Asset
 from ...asset.primitive import StoredBake
 from ...formats.load import load, parser_errors
-from ...formats.stored_w import ENDINGS, find_profile, read_beside_w, read_w, unrepeated
+from ...formats.stored_w import ENDINGS, find_profile, occlusion_textures, read_beside_w, read_w, unrepeated
 from ...formats.table import endings
 from .base_colour import base_colour
 from .document import html_of_bakes
@@ -84,21 +84,20 @@ def _values(path: Path, count: int, source: Asset | None) -> Values:
 
 def _textures(source: Asset | None) -> TexturedW | None:
     """The occlusion textures by which w varies between vertices: all but ramps."""
-    if source is None or not source.is_scene:
+    if source is None:
         return None
-    count = len(source.mesh.vertices)
-    uv = np.zeros((count, 2))
-    of = np.full(count, -1)
-    numbers: dict[tuple[Texture, float], int] = {}
     with parser_errors(source.path):
-        for run in source.runs():
-            part, lookup = source.parts[run.part], source.material(run.material.key).occlusion
-            used = source.looked_up(part.primitive, lookup)
-            if lookup and used and not lookup.is_ramp:
-                uv[part.vertices] = used[0].values * (1, -1) + (0, 1)
-                of[part.vertices] = numbers.setdefault((used[1], lookup.strength), len(numbers))
-        images = [_codes(*picture) for picture in numbers]
-    return TexturedW(uv, of, images, [texture.wrap for texture, _ in numbers]) if numbers else None
+        on_faces = occlusion_textures(source)
+        if on_faces is None:
+            return None
+        mesh = source.mesh
+        uv = np.zeros((len(mesh.vertices), 2))
+        of = np.full(len(mesh.vertices), -1)
+        shown = mesh.faces[on_faces.of >= 0]
+        uv[shown] = on_faces.uv[on_faces.of >= 0] * (1, -1) + (0, 1)
+        of[shown] = on_faces.of[on_faces.of >= 0, None]
+        images = [_codes(*picture) for picture in on_faces.textures]
+    return TexturedW(uv, of, images, [texture.wrap for texture, _ in on_faces.textures])
 
 
 def _codes(texture: Texture, strength: float) -> UInt8s:

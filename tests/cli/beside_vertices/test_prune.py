@@ -170,3 +170,53 @@ def test_an_stl_is_refused_if_float32_moves_its_vertices(tmp_path):
         (tmp_path / f"{name}.obj").write_bytes(obj(vertices, box.faces))
         refused(obscurance("prune", tmp_path / f"{name}.obj", "-o", tmp_path / f"{name}.stl"), "vertices move by")
         assert not (tmp_path / f"{name}.stl").exists()
+
+
+@pytest.fixture
+def lidless(tmp_path, monkeypatch):
+    """A box without its lid, in it one ball of which the lower half is unseen, and another in a closed case."""
+    monkeypatch.chdir(tmp_path)
+    scene = trimesh.Scene()
+    box = trimesh.creation.box((4, 4, 4))
+    box.update_faces(box.face_normals[:, 2] < 0.5)
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.9)
+    case = trimesh.creation.box((1, 1, 1))
+    core = trimesh.creation.icosphere(subdivisions=1, radius=0.3)
+    aside = (1.4, 1.4, -1.4)
+    for name, mesh, at in (
+        ("box", box, (0, 0, 0)),
+        ("ball", ball, (0, 0, -1)),
+        ("case", case, aside),
+        ("core", core, aside),
+    ):
+        place = trimesh.transformations.translation_matrix(at)
+        scene.add_geometry(mesh, geom_name=name, node_name=name, transform=place)
+    scene.export("box.glb")
+    return {"box": len(box.faces), "ball": len(ball.faces), "case": len(case.faces)}
+
+
+def kept(*options):
+    """How many faces of each object stay, and what is said."""
+    done = succeeded("prune", "box.glb", "-o", "seen.glb", *options)
+    scene = trimesh.load("seen.glb")
+    return {name: len(mesh.faces) for name, mesh in scene.geometry.items()}, done.stdout
+
+
+def test_parts_and_objects_of_which_something_is_seen_stay_whole(lidless):
+    faces, said = kept()
+    assert faces["ball"] < lidless["ball"]
+    assert "Whole objects: core (80 faces)." in said
+    for by in ("parts", "objects"):
+        whole, said = kept("--by", by)
+        assert whole == lidless, by
+        assert "; 80 that nothing outside sees are gone. Whole objects: core (80 faces)." in said
+
+
+def test_neighbours_of_seen_faces_stay(lidless):
+    alone, one, many = (kept("--keep-neighbours", rings)[0]["ball"] for rings in (0, 1, 20))
+    assert alone < one < many == lidless["ball"]
+
+
+def test_what_goes_as_a_whole_is_one_of_three(lidless):
+    refused(obscurance("prune", "box.glb", "-o", "x.glb", "--by", "x"), "prune --by", "faces, parts, objects")
+    refused(obscurance("prune", "box.glb", "-o", "x.glb", "--keep-neighbours", "-1"), "--keep-neighbours", "from 0 on")

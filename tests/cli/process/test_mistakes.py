@@ -15,7 +15,7 @@ from obscurance.raytrace.image.write import write_image
 COMMANDS = [
     (
         "bkae a.ply -o w.npy",
-        "command: expected one of bake, view, falloff, prune, info",
+        "command: expected one of bake, view, check, falloff, prune, info",
         "bkae; did you mean bake? See obscurance --help",
     ),
     ("Bake a.ply -o w.npy", "got Bake; did you mean bake?"),

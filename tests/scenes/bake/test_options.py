@@ -144,7 +144,7 @@ CHANGED = {
     "quiet": False, "threads": 1, "replace_occlusion": True, "error_map": "e.png", "half": True, "debug_image": "d.png",
     "bits": "8", "bent_space": "tangent", "resume": True, "progress": "json", "output_dir": "out", "format": "ply",
     "input_format": "ply", "cluster": "local", "ground": "-9", "options": "r.json",
-    "dry_run": True, "back_faces": "ignore", "spread": 90.0, "thickness": True, "flip": True,
+    "dry_run": True, "back_faces": "ignore", "spread": 90.0, "weight": "uniform", "thickness": True, "flip": True,
     "at": "faces", "both_sides": True,
     "receive": ["stone"], "cast": ["stone"], "exclude": ["glass"],
 }  # fmt: skip

@@ -2,12 +2,16 @@
 
 import json
 import subprocess
+import sys
 
 import numpy as np
 import pytest
 from command import succeeded
 from mesh_files import obj
 from project import ROOT
+
+from obscurance import ao
+from obscurance.raytrace.mesh.mesh import Mesh
 
 BLENDER = ROOT / ".peers" / "blender" / "bin" / "python"
 OUTPUTS = {"plain.glb": ("--occlusion", "none"), "ramp.glb": ("--occlusion", "ramp"),
@@ -47,3 +51,34 @@ def test_blender_has_w_and_its_pictures_darken_by_colours(tmp_path):
     assert ramp["brightness"] == pytest.approx(plain["brightness"], rel=1e-3)
     seen = w[: len(w) // 2].mean()
     assert plain["brightness"] * (seen - 0.1) < colours["brightness"] < plain["brightness"] * (seen + 0.04)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not BLENDER.exists(), reason="no Blender: make peers")
+def test_the_extension_bakes_what_the_command_does(tmp_path):
+    script = ROOT / "tests" / "helpers" / "gltf" / "in_extension.py"
+    command = tmp_path / "obscurance"
+    command.write_text(f'#!/bin/sh\nexec {sys.executable} {ROOT / "cli.py"} "$@"\n')
+    command.chmod(0o755)
+    done = subprocess.run([BLENDER, script, ROOT / "blender", command], capture_output=True, text=True, check=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert [found[name] for name in ("alone", "among", "image")] == ["FINISHED"] * 3
+
+    monkey = found["monkey"]
+    turned = np.array(monkey["faces"])[:, ::-1]  # the object is mirrored
+    mesh = Mesh(monkey["places"], turned, monkey["normals"], up="z")
+    floor = np.array([(-4, -4, -1.5), (4, -4, -1.5), (4, 4, -1.5), (-4, 4, -1.5)]), np.array([(0, 1, 2), (0, 2, 3)])
+    for w, occluders in ((monkey["w"], []), (found["among w"], [floor])):
+        exact = ao.bake(mesh, "binary", 8192, occluders=occluders).w
+        assert np.sqrt(np.mean((w - exact) ** 2)) < 0.007
+    centres = (np.arange(64) + 0.5) / 64 * 8 - 4
+    x, y = (axis.ravel() for axis in np.meshgrid(centres, centres))
+    places = np.stack([x, y, np.full_like(x, -1.5)], axis=1)
+    exact = ao.bake_points(floor, places, np.tile([0.0, 0, 1], (len(x), 1)), falloff="binary", occluders=[mesh]).w
+    assert np.sqrt(np.mean((np.ravel(found["pixels"]) - exact) ** 2)) < 0.01
+    assert exact.min() < 0.3
+
+    assert found["node"] is True
+    assert "its modifiers change its faces: apply them, or bake into an image" in found["modified"]
+    assert "bake --half-distance: expected a length above 0" in found["wrong"]
+    assert found["left"] == []

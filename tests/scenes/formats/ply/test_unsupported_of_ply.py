@@ -51,7 +51,7 @@ def test_a_second_bake_of_what_was_baked_replaces_its_w_and_grey(tmp_path):
     vertex = columns(tmp_path / "two.ply")[0]["vertex"]
     assert list(vertex) == ["x", "y", "z", "obscurance", "red", "green", "blue", *LEFT]
     np.testing.assert_array_equal(vertex["red"].values, np.rint(255 * encode_srgb(vertex["obscurance"].values)))
-    assert (tmp_path / "two.ply").read_bytes().count(b"comment obscurance") == 1
+    assert (tmp_path / "two.ply").read_bytes().count(b"comment obscurance: ") == 1
 
 
 def test_colors_replaces_the_colours_of_a_ply_and_says_so(tmp_path):

@@ -1,0 +1,1 @@
+"""Stored w against independent rays."""
