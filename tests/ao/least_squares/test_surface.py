@@ -130,7 +130,7 @@ def test_coarse_meshes_are_fitted_to_a_tolerance(seed):
         true = np.sqrt(np.mean((baked.w - dense) ** 2))
         tolerance = options.get("tolerance", 0.005)
         assert true < 1.1 * tolerance
-        assert true / 1.3 < baked.rmse <= tolerance
+        assert 0.75 * true < baked.rmse <= tolerance
         rays.append(baked.rays)
     assert rays[0] < rays[1] < rays[2]
 
