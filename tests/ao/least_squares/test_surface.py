@@ -126,12 +126,13 @@ def test_coarse_meshes_are_fitted_to_a_tolerance(seed):
     dense = bake_surface(mesh, samples=1 << 18, seed=99).w
     rays = []
     for options in ({"tolerance": 0.01}, {}, {"tolerance": 0.004}):
-        baked = bake_surface(mesh, **options, seed=seed)
-        true = np.sqrt(np.mean((baked.w - dense) ** 2))
+        bakes = [bake_surface(mesh, **options, seed=seed + turn) for turn in range(2)]
+        true = np.sqrt(np.mean([(baked.w - dense) ** 2 for baked in bakes]))
+        reported = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
         tolerance = options.get("tolerance", 0.005)
         assert true < 1.1 * tolerance
-        assert 0.75 * true < baked.rmse <= tolerance
-        rays.append(baked.rays)
+        assert true / 1.3 < reported <= tolerance
+        rays.append(bakes[0].rays)
     assert rays[0] < rays[1] < rays[2]
 
 
