@@ -240,7 +240,7 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     )
     if inside.any():
         receivers.flags[np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)  # −1, for no point, is the last row
-    filled = inside & (options.interior != "mark")
+    filled = np.zeros_like(inside) if options.interior == "mark" else inside
     edges = partial(Neighbours.of, receivers.faces, point, points.normals, tracer.threads)
     sites = Sites.alike(points, edges, ONE_PLACE)
     corners = receivers.corners

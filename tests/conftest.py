@@ -50,10 +50,6 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.freeze()
 
 
-def pytest_unconfigure() -> None:
-    gc.unfreeze()
-
-
 @pytest.fixture
 def available_memory(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """A function: let so many bytes be available, or what a function says, for all checks or a module that asks."""
@@ -143,6 +139,12 @@ def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Path:
         with suppress(OSError):  # another has been faster
             folder.rename(shared)
     return shared
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers() -> int:
+    """One process more than cores: some tests wait, for workers, browsers and commands that they start."""
+    return (os.cpu_count() or 1) + 1
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -35,7 +35,7 @@ def _flooded(neighbours: Neighbours, sources: Int64s, enough: int) -> tuple[Int6
 
 
 @kernel
-def _flood(starts: Int64s, indices: Int32s, nearest: Int64s, queue: Int64s, tail: int, enough: int) -> int:
+def _flood(starts: Int32s, indices: Int32s, nearest: Int64s, queue: Int64s, tail: int, enough: int) -> int:
     """Append to the `queue` of points, of length `tail`, their neighbours, and theirs, until there are `enough`."""
     head = 0
     while head < tail < enough:
@@ -90,7 +90,7 @@ class Cells(NamedTuple):
 
 
 @each("nearest")
-def _step(i: int, starts: Int64s, indices: Int32s, weights: Float32s, before: Int32s, nearest: Int32s) -> None:
+def _step(i: int, starts: Int32s, indices: Int32s, weights: Float32s, before: Int32s, nearest: Int32s) -> None:
     """Give points without a centre the centre that their most similar neighbour had `before`, the least of several."""
     most = np.float32(-1.0)
     for k in range(starts[i], starts[i + 1]):
@@ -103,7 +103,7 @@ def _step(i: int, starts: Int64s, indices: Int32s, weights: Float32s, before: In
 
 @each("places")
 def _list_links(
-    row: int, starts: Int64s, indices: Int32s, cells: Cells, first: int, places: Int64s, ends: Int32s | None
+    row: int, starts: Int32s, indices: Int32s, cells: Cells, first: int, places: Int64s, ends: Int32s | None
 ) -> None:
     """Write the cell beyond each link out of cell first + row from places[row] on, or count them, without `ends`."""
     own, count = first + row, 0

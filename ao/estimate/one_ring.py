@@ -22,7 +22,7 @@ from the places on."""
 _NOTHING = np.float32(1e-6)  # of weight
 _CREASE = 16  # power of n·n' by which a neighbour counts less
 _BLOCK, _MOST = 1 << 11, 16  # points, and blocks at once; to wake a thread for fewer takes longer than their work
-_LISTED, _PARTS = 1 << 18, 16  # points whose edges are listed at once, at least, and as what part of all at most
+_LISTED, _PARTS = 1 << 18, 4  # points whose edges are listed at once, at least, and as what part of all at most
 _FEW = 32  # ends of edges at a point that are looked through
 
 
@@ -30,7 +30,7 @@ _FEW = 32  # ends of edges at a point that are looked through
 class Neighbours:
     """The one-ring of every point: the neighbours of point i are indices[starts[i]:starts[i + 1]]."""
 
-    starts: Int64s
+    starts: Int32s
     indices: Int32s
     weights: Float32s  # 1 for a neighbour of the same normal, half along an edge with one face
     threads: int
@@ -53,7 +53,7 @@ class Neighbours:
         rows, indices = np.divmod(ends[np.append(True, ends[1:] != ends[:-1])[: len(ends)]], count)
         rows, indices = rows[rows != indices], indices[rows != indices].astype(np.int32)
         starts = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
-        return cls.weighted(starts, indices, np.ones(len(indices), np.float32), normals, threads)
+        return cls.weighted(starts.astype(np.int32), indices, np.ones(len(indices), np.float32), normals, threads)
 
     @classmethod
     def merged(cls, list_ends: ListEnds, count: int, threads: int) -> Self:
@@ -80,8 +80,9 @@ class Neighbours:
         np.cumsum(starts, out=starts)
         indices = np.empty(starts[-1], np.int32)
         merged = np.empty(starts[-1], np.float32)
-        _pack.on(threads)(listed[:-1], ends, weights, starts, indices, merged)
-        return cls(starts, indices, merged, threads)
+        narrow = starts.astype(np.int32)
+        _pack.on(threads)(listed[:-1], ends, weights, narrow, indices, merged)
+        return cls(narrow, indices, merged, threads)
 
     @classmethod
     def _joined(cls, parts: list[Self]) -> Self:
@@ -95,10 +96,10 @@ class Neighbours:
             part = parts.pop(0)
             indices[begin:end] = part.indices
             weights[begin:end] = part.weights
-        return cls(starts, indices, weights, threads)
+        return cls(starts.astype(np.int32), indices, weights, threads)
 
     @classmethod
-    def weighted(cls, starts: Int64s, indices: Int32s, weights: Float32s, normals: Float32s, threads: int) -> Self:
+    def weighted(cls, starts: Int32s, indices: Int32s, weights: Float32s, normals: Float32s, threads: int) -> Self:
         """One-rings whose `weights` are lowered where the points' `normals`, float32 (k, 3), disagree."""
         _weigh_by_normals.on(threads)(starts, indices, normals, weights)
         return cls(starts, indices, weights, threads)
@@ -114,7 +115,7 @@ class Neighbours:
         np.cumsum(starts, out=starts)
         picked = np.empty(starts[-1], np.int32), np.empty(starts[-1], np.float32)
         _pick.on(self.threads)(point_rows, self.ring, row_of_point, starts[:-1], picked)
-        return type(self)(starts, *picked, self.threads)
+        return type(self)(starts.astype(np.int32), *picked, self.threads)
 
     def blocks(self, size: int, edges: int) -> Iterator["PointBlock"]:
         """All the points, about `size` at once, with those at most so many `edges` away."""
@@ -134,7 +135,7 @@ class Neighbours:
             yield PointBlock(rows, slice(start, stop), slice(first, first + stop - start), self.among(rows))
 
     @property
-    def ring(self) -> tuple[Int64s, Int32s, Float32s]:
+    def ring(self) -> tuple[Int32s, Int32s, Float32s]:
         return self.starts, self.indices, self.weights
 
     def smooth(
@@ -193,7 +194,7 @@ class PointBlock(NamedTuple):
 def _pick(
     k: int,
     rows: Int64s,
-    ring: tuple[Int64s, Int32s, Float32s],
+    ring: tuple[Int32s, Int32s, Float32s],
     row_of_point: Int32s,
     places: Int64s,
     picked: tuple[Int32s, Float32s] | None,
@@ -213,7 +214,7 @@ def _pick(
 
 
 @kernel
-def _reach(starts: Int64s, indices: Int32s, front: Int64s, edges: int, is_near: Bools) -> None:
+def _reach(starts: Int32s, indices: Int32s, front: Int64s, edges: int, is_near: Bools) -> None:
     """Mark the points at most so many `edges` from those in `front`, which are marked."""
     for _ in range(edges):
         reached = np.empty(len(is_near), np.int64)
@@ -288,7 +289,7 @@ def _pack(
     listed: Int64s,
     ends: Int32s,
     weights: Float32s,
-    starts: Int64s,
+    starts: Int32s,
     indices: Int32s,
     merged: Float32s,
 ) -> None:
@@ -298,7 +299,7 @@ def _pack(
 
 
 @each("normals")
-def _weigh_by_normals(i: int, starts: Int64s, indices: Int32s, normals: Float32Rows, weights: Float32s) -> None:
+def _weigh_by_normals(i: int, starts: Int32s, indices: Int32s, normals: Float32Rows, weights: Float32s) -> None:
     for k in range(starts[i], starts[i + 1]):
         cosine = np.float32(0.0)
         for axis in range(3):
@@ -309,7 +310,7 @@ def _weigh_by_normals(i: int, starts: Int64s, indices: Int32s, normals: Float32R
 @each("out")
 def _mean(
     i: int,
-    starts: Int64s,
+    starts: Int32s,
     indices: Int32s,
     weights: Float32s,
     values: Float32s,
@@ -327,7 +328,7 @@ def _mean(
 @each("out")
 def _mean_rows(
     i: int,
-    starts: Int64s,
+    starts: Int32s,
     indices: Int32s,
     weights: Float32s,
     values: Float32Rows,

@@ -10,9 +10,10 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from obscurance.raytrace.kernel.jit import kernel
 from obscurance.raytrace.sampling import derive, stratified_rows
 from obscurance.raytrace.system.parallel import each
-from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64Rows, Float64s, Int64s
+from obscurance.raytrace.types import AnyFloats, Float32Rows, Float32s, Float64Rows, Float64s, Int32s, Int64s
 
 from ..execute.tracer import Tracer
 from ..points.points import Points
@@ -35,7 +36,6 @@ class Copies:
 
     Attributes:
         points: of the sites. elsewhere: whether their places are drawn from all of each site.
-        rays: (j,). worth: (j,), n^RATE of n rays in one lattice.
         gathered: (j, COLUMNS) by each falloff, float32, or float64 of one round that is not denoised.
     """
 
@@ -45,8 +45,9 @@ class Copies:
         self.tracer = tracer
         self.points = points
         self.elsewhere = elsewhere
-        self.rays = np.zeros(len(points), np.int64)
-        self.worth = np.zeros(len(points))
+        self._amount = np.zeros(len(points), np.int32)  # which of these each site has
+        self._rays = np.zeros(1, np.int32)
+        self._worth = np.zeros(1)
         self.gathered: list[AnyFloats] = [np.zeros((len(points), COLUMNS), dtype) for _ in range(tracer.columns)]
 
     @classmethod
@@ -58,11 +59,24 @@ class Copies:
         for part, rows in tracer.gather_in_parts(points, rays, key):
             for column, gathered in enumerate(copies.gathered):
                 gathered[part] = rows[:, column]
-        copies.rays = np.broadcast_to(np.int64(rays), len(points))
-        copies.worth = np.broadcast_to(float(rays) ** RATE, len(points))
+        copies._rays[0], copies._worth[0] = rays, float(rays) ** RATE
         return copies
 
-    def add(self, more: Int64s, key: np.uint32, shared: bool = False) -> None:
+    @property
+    def rays(self) -> Int32s:
+        """The number of rays (j,) of each."""
+        return self.rays_at(slice(None))
+
+    def rays_at(self, rows: Int64s | slice) -> Int32s:
+        """The number of rays (i,) of some of the sites."""
+        return self._rays[self._amount[rows]]
+
+    @property
+    def worth(self) -> Float64s:
+        """What they are worth (j,): n^RATE of n rays in one lattice."""
+        return self._worth[self._amount]
+
+    def add(self, more: Int32s, key: np.uint32, shared: bool = False) -> None:
         """Trace `more` rays (j,) at the sites.
 
         Args: shared: neighbours share lattices; most of them are to get as many rays.
@@ -70,23 +84,57 @@ class Copies:
         tracer = self.tracer
         if not self.elsewhere:  # probes' rays are few
             tracer.expected = tracer.rays + int(more.sum())
-        for count in (np.flatnonzero(np.bincount(more)[1:]) + 1).tolist():
-            which = np.flatnonzero(more == count)
+        numbers = np.bincount(more)
+        for count in (np.flatnonzero(numbers[1:]) + 1).tolist():
             leap = _SHARERS if shared and count < _ENOUGH else 1
-            some = None if len(which) == len(self.points) else which
-            for part, rows in tracer.gather_in_parts(self.points, count, key, leap, self.elsewhere, some):
-                for column, gathered in enumerate(self.gathered):
-                    new = np.ascontiguousarray(rows[:, column], np.float64)
-                    _combine.on(tracer.threads)(which[part], self.worth, float(count) ** RATE, new, gathered)
-            self.rays[which] += count
-            self.worth[which] += float(count) ** RATE
+            which = np.empty(numbers[count], np.int32)
+            _find(more, count, which)
+            self._trace(which, count, key, leap)
+
+    def _trace(self, which: Int32s, count: int, key: np.uint32, leap: int) -> None:
+        """Trace so many rays more at each of the sites `which` (i,)."""
+        tracer = self.tracer
+        some = None if len(which) == len(self.points) else which
+        for part, rows in tracer.gather_in_parts(self.points, count, key, leap, self.elsewhere, some):
+            have = self._amount, self._worth
+            for column, gathered in enumerate(self.gathered):
+                new = np.ascontiguousarray(rows[:, column], np.float64)
+                _combine.on(tracer.threads)(which[part], have, float(count) ** RATE, new, gathered)
+            self._count(which[part], count)
+            del rows, new  # before there are others
+
+    def _count(self, which: Int32s, more: int) -> None:
+        """Count so many `more` rays at sites `which` (i,)."""
+        had = self._amount[which]
+        amounts = np.flatnonzero(np.bincount(had))
+        number = np.zeros(len(self._rays), np.int32)
+        number[amounts] = len(self._rays) + np.arange(len(amounts))
+        self._amount[which] = number[had]
+        self._rays = np.append(self._rays, self._rays[amounts] + np.int32(more))
+        self._worth = np.append(self._worth, self._worth[amounts] + float(more) ** RATE)
+
+
+@kernel
+def _find(more: Int32s, count: int, which: Int32s) -> None:
+    """Write the rows of `more` that are `count`."""
+    found = 0
+    for i in range(len(more)):
+        if more[i] == count:
+            which[found] = i
+            found += 1
 
 
 @each("which")
-def _combine(k: int, which: Int64s, worth: Float64s, more: float, new: Float64Rows, gathered: Float32Rows) -> None:
-    """Average what is `gathered` with `new` values, worth `more`, in proportion to what both are worth."""
+def _combine(
+    k: int, which: Int32s, have: tuple[Int32s, Float64s], more: float, new: Float64Rows, gathered: Float32Rows
+) -> None:
+    """Average what is `gathered` with `new` values, worth `more`, in proportion to what both are worth.
+
+    Args: have: which amount of rays each site has, and what these are worth.
+    """
     i = which[k]
-    kept = worth[i] / (worth[i] + more)
+    amount, worth = have
+    kept = worth[amount[i]] / (worth[amount[i]] + more)
     for column in range(COLUMNS):
         if column == BATCH_VARIANCE:
             gathered[i, column] = kept**2 * gathered[i, column] + (1.0 - kept) ** 2 * new[k, column]
@@ -101,7 +149,7 @@ class Checks(NamedTuple):
     one: Float64s
     other: Float64s
     weight: Float64s  # of sum 1
-    rays: Int64s  # (j,), of each estimate
+    rays: Int32s  # (j,), of each estimate
     spread: int  # so many first ones are spread evenly
 
     def squared(self, w: Float64s) -> Float64s:
@@ -147,21 +195,21 @@ class Probes:
         """Two estimates of sites `rows` (i,)."""
         pair = Copies(self._tracer, sites.points[rows], True), Copies(self._tracer, sites.points[rows], True)
         for copies, key in zip(pair, self._keys, strict=True):
-            copies.add(np.full(len(rows), self._rays), key)
+            copies.add(np.full(len(rows), self._rays, np.int32), key)
         return pair
 
-    def grow(self, sites: Sites, rays: Int64s) -> None:
-        """Trace as many rays at each probe as its site has of `rays` (k,), where places count, not rays alone: with
-        fewer places than the site a probe errs by more than what it measures."""
+    def grow(self, sites: Sites, own: Copies) -> None:
+        """Trace as many rays at each probe as its site has, where places count, not rays alone: with fewer places than
+        the site a probe errs by more than what it measures. Args: own: estimates of all sites (k,)."""
         self._turn += 1
         begin = 0
         for pair in self._copies:
             rows = self.rows[begin : begin + len(pair[0].rays)]
             begin += len(rows)
             have = pair[0].rays
-            wanted = np.where(sites.kinds[rows] == SEVERAL_PLACES, rays[rows], 0)
+            wanted = np.where(sites.kinds[rows] == SEVERAL_PLACES, own.rays_at(rows), 0)
             batches = 2.0 ** np.rint(np.log2(np.maximum(wanted - have, BATCH) / BATCH))
-            more = np.where(wanted > _GROWN * have, BATCH * batches, 0).astype(np.int64)
+            more = np.where(wanted > _GROWN * have, BATCH * batches, 0).astype(np.int32)
             for copies, key in zip(pair, self._keys, strict=True):
                 copies.add(more, derive(key, self._turn))
 
@@ -177,6 +225,7 @@ class Probes:
         if not len(candidates):
             return
         added = candidates[stratified_rows(len(candidates), round(self._more * len(self._spread)))]
+        del unprobed, candidates
         self._copies.append(self._traced(sites, added))
         self._has_large_error = largest
         self.rows = np.append(self.rows, added)

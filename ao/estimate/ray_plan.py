@@ -3,7 +3,7 @@
 import numpy as np
 
 from obscurance.raytrace.system.parallel import each
-from obscurance.raytrace.types import Float32s, Float64s, Int64s
+from obscurance.raytrace.types import Float32s, Float64s, Int32s, Int64s
 
 from .one_ring import Neighbours
 
@@ -57,7 +57,7 @@ def fall_of(neighbours: Neighbours, raw: Float32s, level: float, error: float, g
     return float(np.clip(np.log(error / goal) / np.log(needed), _FALL, RATE))
 
 
-def rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: float, threads: int) -> Int64s:
+def rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: float, threads: int) -> Int32s:
     """Rays (k,) to add for squared errors (k,) of mean `goal`, by the least work.
 
     With n' rays in the place of n, e (n / n')^f is expected of an error e, for work n'^g. The sum of work is least
@@ -74,11 +74,11 @@ def rays_to_add(error: Float64s, worth: Float64s, most: int, goal: float, fall: 
         wanted = np.clip(factor * wish, now, most)
         enough = float(np.mean(some * (now / wanted) ** fall)) <= goal
         low, high = (low, factor) if enough else (factor, high)
-    more = np.empty(len(worth), np.int64)
+    more = np.empty(len(worth), np.int32)
     limits = (BATCH * (_STEPS[1:] + _STEPS[:-1]) / 2) ** RATE
     powers = fall / RATE, RATE / (fall + _WORK), high**RATE
-    _plan.on(threads)(error, worth, powers, limits, more)
-    return BATCH * _STEPS[more]
+    _plan.on(threads)(error, worth, powers, limits, BATCH * _STEPS, more)
+    return more
 
 
 @each("worth")
@@ -88,9 +88,10 @@ def _plan(
     worth: Float64s,
     powers: tuple[float, float, float],
     limits: Float64s,
-    step: Int64s,
+    steps: Int64s,
+    more: Int32s,
 ) -> None:
-    """The `step` of `_STEPS` by which what each point's rays are worth comes nearest to what is wanted."""
+    """The rays of `steps`, as `more`, by which what each point's rays are worth comes nearest to what is wanted."""
     fall, rate, factor = powers
     wanted = factor * (max(error[i], _LEAST) * worth[i] ** fall) ** rate - worth[i]
-    step[i] = np.searchsorted(limits, wanted)
+    more[i] = steps[np.searchsorted(limits, wanted)]

@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from obscurance.raytrace.sampling import derive, stratified_rows
-from obscurance.raytrace.types import AnyFloats, Bools, Float64s, Int64s
+from obscurance.raytrace.types import AnyFloats, Bools, Float64s, Int32s, Int64s
 
 from ..execute.tracer import Tracer
 from ..rays.gather import BATCH_VARIANCE, BENT, W
@@ -128,7 +128,7 @@ class Round(NamedTuple):
         total = max(float(weight.sum()), 1e-300)
         return float(weight @ squared) / total, float(np.sqrt(weight**2 @ squared**2)) / total
 
-    def estimate(self, rays: Int64s) -> Estimate:
+    def estimate(self, rays: Int32s) -> Estimate:
         """The estimates of all sites, of so many `rays` (k,)."""
         count = len(self.sites)
         w, bent = self.w, self.gathered[:, BENT:]
@@ -172,7 +172,7 @@ def _keep_mean(sites: Sites, raw: AnyFloats, w: Float64s, error: Float64s) -> No
     w += share
 
 
-def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint32) -> tuple[list[Round], Int64s]:
+def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint32) -> tuple[list[Round], Int32s]:
     """The estimates by so many `rays` of every site, one for each falloff; and the rays of each."""
     wanted = min(len(sites), max(_CHECKED_LEAST, len(sites) // _CHECKED))
     tracer.expected = tracer.rays + rays * (len(sites) + 2 * wanted)
@@ -183,7 +183,7 @@ def by_rays(tracer: Tracer, sites: Sites, rays: int, denoise: bool, key: np.uint
 
 def to_tolerance(
     tracer: Tracer, sites: Sites, tolerance: float, max_samples: int, denoise: bool, key: np.uint32, asked: int
-) -> tuple[list[Round], Int64s]:
+) -> tuple[list[Round], Int32s]:
     """The estimates whose root mean square error over all sites is `tolerance`, if `max_samples` rays a site allow it;
     and the rays of each.
 
@@ -200,18 +200,17 @@ def to_tolerance(
     first = few
     if denoise and len(sites.traced_points) >= _PILOTED:
         first = _rays_by_pilot(own, sites, deciding, few, goal, max_samples, key, range(asked))
-    more = np.zeros(len(sites), np.int64)
+    more = np.zeros(len(sites), np.int32)
     more[sites.traced] = np.maximum(first - own.rays[sites.traced], 0)
     salt = _SALT if first == few else _SALT + 1  # `few` rays of all sites are lattices together with the pilot's
     for turn in range(_ROUNDS):
         rounds = list[Round]()  # lets go of the last round's arrays
         tracer.stage = f"rays, round {turn + 1}"
         own.add(more, derive(key, salt + turn), shared=turn == 0 and len(sites.traced_points) >= FEW_POINTS)
+        more = np.zeros(len(sites), np.int32)  # takes no memory yet
         for probes in sets:
-            probes.grow(sites, own.rays)
-        more[:] = 0
+            probes.grow(sites, own)
         rounds = _rounds(own, sites, sets, denoise, range(asked))
-        tracer.scene.hierarchy.release()
         again = np.zeros(0, np.int64)
         if max(round_.mean for round_ in rounds) <= goal:  # sites expected to be far off get rays of their own
             worst = np.any([round_.errs_by_more(_WORST * tolerance) for round_ in rounds], axis=0)
@@ -223,8 +222,7 @@ def to_tolerance(
         more[:] = 0
         if max(round_.mean for round_ in rounds) <= goal or (own.rays[sites.traced] >= max_samples).all():
             break
-        most = max(rounds, key=lambda round_: round_.mean)
-        sites, broken = _with_more_traced(most, measuring, goal)
+        sites, broken = _with_more_traced(rounds, measuring, goal)
         more[rounds[0].sites.traced] = _more_rays(rounds, own, goal, max_samples, denoise)
         more[broken] = few
     further = _rounds(own, rounds[0].sites, sets, denoise, range(asked, tracer.columns))
@@ -256,6 +254,7 @@ def _rounds(own: Copies, sites: Sites, sets: tuple[Probes, Probes], denoise: boo
     rounds = [Round.of(own, sites, deciding, column, denoise) for column in columns]
     for probes in sets:
         probes.add_where_error_is_largest(sites, _of_all(rounds))
+    own.tracer.scene.hierarchy.release()
     return [round_.calibrated(measuring) for round_ in rounds]
 
 
@@ -278,6 +277,7 @@ def _rays_by_pilot(
     The pilot sample is patches around some of the probes, denoised alone; its error is measured at these probes, by
     `few` rays and, if many more seem to be needed, by as many.
     """
+    own.tracer.scene.hierarchy.release()  # while neighbours are found
     count = len(sites.traced_points)
     probed = probes.spread_over_traced(sites)
     probed = probed[stratified_rows(len(probed), count // (_PILOT_SHARE * _PATCH))]
@@ -288,8 +288,8 @@ def _rays_by_pilot(
 
     def measured(rays: int, salt: int) -> tuple[float, float]:
         """The mean square error by `rays`, and how uneven it is, of the falloff that errs most."""
-        more = np.zeros(len(sites), np.int64)
-        more[at_all] = rays - own.rays[at_all]
+        more = np.zeros(len(sites), np.int32)
+        more[at_all] = rays - own.rays_at(at_all)
         own.add(more, derive(key, salt), shared=True)
         checks = [probes.checks(sites, column, probed) for column in columns]
         placed = [each._replace(rows=np.searchsorted(rows, each.rows)) for each in checks]
@@ -316,11 +316,13 @@ def _pilot_error(own: Copies, rows: Int64s, patch: Sites, checks: Checks, column
     return checks.mean_squared(w[checks.rows]), mean_square(error) / float(np.mean(error)) ** 2
 
 
-def _with_more_traced(round_: Round, measuring: Probes, goal: float) -> tuple[Sites, Int64s]:
-    """The sites with those traced whose predictions err by too much as measured, and which these are.
+def _with_more_traced(rounds: list[Round], measuring: Probes, goal: float) -> tuple[Sites, Int64s]:
+    """The sites with those traced whose predictions by the falloff that errs most err by too much as measured, and
+    which these are.
 
     What the sites err by from which they are predicted is not the predictions' fault: more rays bring it down.
     """
+    round_ = max(rounds, key=lambda each: each.mean)
     sites = round_.sites
     squared, deviation = round_.measured(PREDICTED, measuring)
     of_centres, their_deviation = round_.measured(ONE_PLACE, measuring)
@@ -334,7 +336,7 @@ def _with_more_traced(round_: Round, measuring: Probes, goal: float) -> tuple[Si
     return sites.broken(predicted)
 
 
-def _more_rays(rounds: list[Round], own: Copies, goal: float, max_samples: int, denoise: bool) -> Int64s:
+def _more_rays(rounds: list[Round], own: Copies, goal: float, max_samples: int, denoise: bool) -> Int32s:
     """Rays (b,) to add at the traced sites so that the mean square error of the falloff that errs most becomes the
     `goal`, or nearer."""
     most = max(rounds, key=lambda round_: round_.mean)

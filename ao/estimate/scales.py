@@ -28,6 +28,7 @@ from .shrinkage import denoise
 from .upsampling import upsample
 
 _LEVELS = 3  # above the points
+_MANY = 1 << 20  # points whose cells take too much memory to be kept
 _FEWEST = 1024  # points of a level that is worth one above it
 _BLOCK = 1 << 17  # points or cells that are in memory twice at once
 _REACH = 4  # cells over which squared residuals are averaged
@@ -222,7 +223,9 @@ def _shrink(i: int, detail: _Detail, amounts: Float64s, out: Float32Rows) -> Non
 
 
 def _pyramid(neighbours: Neighbours, points: Points) -> list[_Level]:
-    """Cells of the points, cells of cells, …; joined once for the same points."""
+    """Cells of the points, cells of cells, …; joined once for the same points, unless they are many."""
+    if len(points) > _MANY:
+        return list(_cells_of_cells(neighbours, points))
     if neighbours not in _pyramids:
         _pyramids[neighbours] = list(_cells_of_cells(neighbours, points))
     return _pyramids[neighbours]

@@ -53,13 +53,12 @@ class _Shape(NamedTuple):
 class _Fields(NamedTuple):
     """What denoising reckons at k points, float32 (k,), but (k, 3) for `unlike`."""
 
-    w: Float32s  # estimates
-    variance: Float32s  # of w
+    variance: Float32s  # of estimates
     spread: Float32s  # between the batches of the points around
     unlike: Float32Rows  # differences from the neighbours: of the surroundings, of leaning and of rise
     prediction: Float32s  # of w by the neighbours, NaN without any
-    residual: Float32s  # of w from its prediction by means
-    excess: Float32s  # the square of what w differs by from its prediction, less the variance
+    residual: Float32s  # of the estimate from its prediction by means
+    excess: Float32s  # the square of what the estimate differs by from its prediction, less the variance
     weight: Float32s  # of residuals in fits
     part: Float32s  # of each estimate in its own prediction
 
@@ -85,6 +84,8 @@ def _shrunk_to_predictions(
     at = _empty(_Fields, len(points))
     for block in neighbours.blocks(_BLOCK, _COMPARED):
         _compare_with_neighbours(block, points.normals, gathered, shape, at)
+    nothing = np.empty(0, np.float32)  # in place of what is no longer needed
+    shape = shape._replace(leverage=nothing, rise=nothing)
     line = variance_line(float(np.mean(at.spread, dtype=np.float64)) if len(points) else 0.0, level)
     _weigh.on(threads)(line, at.spread, at.variance, at.weight)
     fit = _ridge_regression(at, threads)
@@ -92,8 +93,9 @@ def _shrunk_to_predictions(
         moments = np.empty((len(block.rows), SHORT), np.float32)
         _normal_equations.on(threads)(block.rows, fit, at, moments)
         moments = block.neighbours.smooth(moments, _FIT_REACH)[block.of_rows]
-        _local_fits.on(threads)(block.of_all.start or 0, fit, shape, moments, at)
+        _local_fits.on(threads)(block.of_all.start or 0, gathered, fit, shape, moments, at)
     del shape
+    at = at._replace(unlike=np.empty((0, 3), np.float32), residual=nothing, weight=nothing)
     w = np.empty(len(points))
     error = np.empty(len(points))
     neighbours.smooth(at.excess, _REACH, then=lambda beyond: _shrink.for_rows(gathered, beyond, at, w, error))
@@ -112,14 +114,15 @@ def _compare_with_neighbours(
     shape = _Shape(*(column[rows] for column in all_shapes))
     at = _empty(_Fields, len(rows))
     around = np.zeros((len(rows), SHORT), np.float32)
-    _begin.on(neighbours.threads)(all_gathered[rows], normals, at, around)
+    gathered = all_gathered[rows]
+    _begin.on(neighbours.threads)(gathered, normals, around)
     near = means(around, _OTHERS, then=lambda mean: _compare.for_rows(shape, around, mean, at))
-    wide = means(near, 1.0, around, lambda wide: _compare_wide.for_rows(shape, near, wide, at))
+    wide = means(near, 1.0, around, lambda wide: _compare_wide.for_rows(gathered, shape, near, wide, at))
     wider = means(wide, 1.0, near)
     leaning = np.empty(len(rows), np.float32)
     means(wider, _ROUGHNESS, wide, lambda widest: _lean.for_rows(wider, widest, normals, at, leaning))
     means(leaning, 0.0, then=lambda mean: _compare_leaning.for_rows(leaning, mean, at))
-    for name in ("w", "spread", "unlike", "prediction", "residual", "weight"):
+    for name in ("spread", "unlike", "prediction", "residual", "weight"):
         getattr(out, name)[block.of_all] = getattr(at, name)[block.of_rows]
 
 
@@ -141,7 +144,7 @@ def shape_of(neighbours: Neighbours, points: Points) -> _Shape:
 @each("origins")
 def _measure(
     i: int,
-    ring: tuple[Int64s, Int32s, Float32s],
+    ring: tuple[Int32s, Int32s, Float32s],
     origins: Float32Rows,
     normals: Float32Rows,
     shape: _Shape,
@@ -163,7 +166,7 @@ def _measure(
 
 
 @each("mean")
-def _compare_shapes(i: int, ring: tuple[Int64s, Int32s, Float32s], shape: _Shape, mean: Float32s) -> None:
+def _compare_shapes(i: int, ring: tuple[Int32s, Int32s, Float32s], shape: _Shape, mean: Float32s) -> None:
     """Fill in `leverage`, and turn the neighbours' mean `rise` into what the point's own has beyond it."""
     starts, indices, weights = ring
     leverage = 0.0
@@ -176,9 +179,8 @@ def _compare_shapes(i: int, ring: tuple[Int64s, Int32s, Float32s], shape: _Shape
 
 
 @each("gathered")
-def _begin(i: int, gathered: Float32Rows, normals: Float32Rows, at: _Fields, around: Float32Rows) -> None:
-    """Fill in `w`, and what surroundings are means of."""
-    at.w[i] = gathered[i, W]
+def _begin(i: int, gathered: Float32Rows, normals: Float32Rows, around: Float32Rows) -> None:
+    """Fill in what surroundings are means of."""
     around[i, _MEAN] = gathered[i, W]
     around[i, _SPREAD] = gathered[i, BATCH_VARIANCE]
     for axis in range(3):
@@ -192,16 +194,18 @@ def _compare(i: int, shape: _Shape, around: Float32Rows, mean: Float32Rows, at: 
     at.prediction[i] = mean[i, _MEAN]
     if alone:
         store_short_row(mean, i, load_short_row(around, i))
-    at.residual[i] = at.w[i] - mean[i, _MEAN]
+    at.residual[i] = around[i, _MEAN] - mean[i, _MEAN]
     at.unlike[i, 2] = 0.0 if alone else shape.rise[i]
     mean[i, _SQUARED] = at.residual[i] ** 2
 
 
 @each("near")
-def _compare_wide(i: int, shape: _Shape, near: Float32Rows, wide: Float32Rows, at: _Fields) -> None:
+def _compare_wide(
+    i: int, gathered: Float32Rows, shape: _Shape, near: Float32Rows, wide: Float32Rows, at: _Fields
+) -> None:
     """Compare the neighbours' mean with their neighbours' mean, `wide`, less the point's own part in it."""
     leverage = shape.leverage[i]
-    beside = (wide[i, _MEAN] - leverage * at.w[i]) / (1.0 - leverage) - near[i, _MEAN]
+    beside = (wide[i, _MEAN] - leverage * gathered[i, W]) / (1.0 - leverage) - near[i, _MEAN]
     at.unlike[i, 0] = 0.0 if np.isnan(at.prediction[i]) else beside
 
 
@@ -239,7 +243,7 @@ def _weigh(i: int, line: tuple[float, float], spread: Float32s, variance: Float3
 def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
     """Coefficients (3,) of the columns of `unlike` by which these fit the residuals best, near 0 where few points or
     like columns leave them open; and root mean squares (3,) of the columns."""
-    count = max(len(at.w), 1)
+    count = max(len(at.weight), 1)
     parts = np.zeros((-(-count // _SUMMED), 3, 4))
     _sum_moments.on(threads)(at, parts)
     moments = parts.sum(axis=0)
@@ -256,7 +260,7 @@ def _ridge_regression(at: _Fields, threads: int) -> tuple[Float64s, Float64s]:
 def _sum_moments(part: int, at: _Fields, parts: Float64Grid) -> None:
     """Sum the normal equations of some points: products of the columns of `unlike`, and with the residual."""
     moments = parts[part]
-    for k in range(part * _SUMMED, min((part + 1) * _SUMMED, len(at.w))):
+    for k in range(part * _SUMMED, min((part + 1) * _SUMMED, len(at.weight))):
         for i in range(3):
             weighted = at.unlike[k, i] * at.weight[k]
             for j in range(3):
@@ -282,7 +286,13 @@ def _normal_equations(k: int, rows: Int64s, fit: tuple[Float64s, Float64s], at: 
 
 @each("moments")
 def _local_fits(
-    k: int, first: int, fit: tuple[Float64s, Float64s], shape: _Shape, moments: Float32Rows, at: _Fields
+    k: int,
+    first: int,
+    gathered: Float32Rows,
+    fit: tuple[Float64s, Float64s],
+    shape: _Shape,
+    moments: Float32Rows,
+    at: _Fields,
 ) -> None:
     """Correct predictions by the fit to all points and by one around each, shrunk to 0 as if typical surroundings came
     to 0; of points from the `first` on."""
@@ -302,7 +312,7 @@ def _local_fits(
     share = shape.self_weight[i]
     share *= (1.0 + share) / 2.0  # about, of four rounds of `smooth`, for valences from 1 to 8
     at.part[i] = min(dot(solved, row) / determinant * at.weight[i] * share, 0.5)
-    at.excess[i] = _residual(at, i) ** 2 - at.variance[i]
+    at.excess[i] = _residual(gathered, at, i) ** 2 - at.variance[i]
 
 
 @inline
@@ -312,16 +322,16 @@ def _everywhere(u, coefficients):
 
 
 @inline
-def _residual(at, i):
+def _residual(gathered, at, i):
     """What the estimate differs by from its prediction, 0 without any."""
-    return np.float32(0.0) if np.isnan(at.prediction[i]) else at.w[i] - at.prediction[i]
+    return np.float32(0.0) if np.isnan(at.prediction[i]) else gathered[i, W] - at.prediction[i]
 
 
 @each("w")
 def _shrink(i: int, gathered: Float32Rows, beyond: Float32s, at: _Fields, w: Float64s, errors: Float64s) -> None:
     """Write w, shrunk, and the mean square errors expected."""
     variance = np.float64(at.variance[i])
-    residual = np.float64(_residual(at, i))
+    residual = np.float64(_residual(gathered, at, i))
     error = max(max(beyond[i], residual * residual - _OUTLIER * variance), 0.01 * variance)
     usable = not np.isnan(at.prediction[i]) and variance > 0.0 and at.spread[i] > 0.0
     share = variance / (variance + error) if usable else 0.0

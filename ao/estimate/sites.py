@@ -66,7 +66,7 @@ class Sites:
     @property
     def counts(self) -> Float64s:
         """How many sites each traced one (b,) stands for."""
-        return np.ones(len(self)) if self.cell is None else np.diff(self._cells.starts).astype(np.float64)
+        return np.broadcast_to(1.0, len(self)) if self.cell is None else np.diff(self._cells.starts).astype(np.float64)
 
     def traced_of(self, rows: Int64s) -> Int64s:
         """Which of the traced sites each of some `rows` (j,) is or is predicted from."""

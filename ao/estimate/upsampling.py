@@ -47,7 +47,7 @@ def upsample(
     origins = aligned(centres.origins.shape, np.float32)
     normals = aligned(centres.normals.shape, np.float32)
     origins[:], normals[:] = centres.origins, centres.normals
-    links = graph.starts.astype(np.int32), graph.indices
+    links = graph.starts, graph.indices
     nodes = _Nodes(origins, normals, *links, np.ascontiguousarray(values, np.float32))
 
     def work(start: int, stop: int) -> None:

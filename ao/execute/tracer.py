@@ -8,7 +8,7 @@ from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
-from obscurance.raytrace.types import Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Float64s
 
 from ..mu import KernelMu
 from ..points.points import Points
@@ -21,7 +21,7 @@ from ..rays.traverse import TraversalState
 from .kept import NOTHING_KEPT, Kept
 from .work import KeptRowTask, Outputs
 
-_AT_ONCE = 1 << 20  # points
+_AT_ONCE = 1 << 19  # points
 Progress = Callable[[int, int, str], None]
 
 
@@ -132,7 +132,7 @@ class Tracer:
         key: np.uint32,
         leap: int = 1,
         elsewhere: bool = False,
-        rows: Int64s | None = None,
+        rows: AnyInts | None = None,
     ) -> Iterator[tuple[slice, Float64s]]:
         """Parts of the points, so many that their rows fit into memory, and `gather` of each.
 
@@ -142,8 +142,7 @@ class Tracer:
         step = count if self.means and self.means.by_blocks else _AT_ONCE
         for start in range(0, count, step or 1):
             part = slice(start, start + step)
-            some = points[part if rows is None else rows[part]]
-            yield part, self.gather(some, samples, key, leap, elsewhere)
+            yield part, self.gather(points[part if rows is None else rows[part]], samples, key, leap, elsewhere)
 
     @property
     def columns(self) -> int:

@@ -34,7 +34,9 @@ def texel_neighbours(surface: UVSurface, texels: Texels, most: float, threads: i
     starts = np.cumsum(starts) + across
     indices = np.empty(starts[-1], np.int32)
     _write_neighbours.on(threads)(starts, beside, across, seam_texels, indices)
-    return Neighbours.weighted(starts, indices, np.ones(len(indices), np.float32), points.normals, threads)
+    return Neighbours.weighted(
+        starts.astype(np.int32), indices, np.ones(len(indices), np.float32), points.normals, threads
+    )
 
 
 def _across_seams(surface: UVSurface, row_of: Int32s, count: int) -> tuple[Int64s, Int64s]:

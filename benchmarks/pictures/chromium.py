@@ -21,6 +21,8 @@ FLAGS = (
 )
 """Of a browser that draws in software and asks for nothing by itself."""
 _FLAGS = (*FLAGS, "--host-resolver-rules=MAP * ~NOTFOUND", "--remote-debugging-pipe", "--hide-scrollbars")
+_FLAGS += ("--disable-gpu-compositing",)  # half the cost of a page, whose canvases are read back then
+_READ_BACK = "GPU stall due to ReadPixels"  # what the driver says of that
 _SECONDS = 60
 
 
@@ -69,7 +71,7 @@ class Browser:
             self.messages.append(" ".join(str(each.get("value", each)) for each in given["args"]))
         elif method == "Runtime.exceptionThrown":
             self.messages.append(json.dumps(given["exceptionDetails"]))
-        elif method == "Log.entryAdded":
+        elif method == "Log.entryAdded" and _READ_BACK not in given["entry"]["text"]:
             self.messages.append(given["entry"]["text"])
         elif method == "Network.requestWillBeSent":
             self.requests.append(given["request"]["url"])

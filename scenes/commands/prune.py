@@ -18,11 +18,13 @@ from obscurance.raytrace.system.atomic import check_writable, write_bytes
 from obscurance.raytrace.system.checks import check_outputs
 from obscurance.raytrace.types import AnyInts, Bools, Float64s
 
+from ..bake.console import warn
 from ..bake.options import PrunedBy
 from ..formats.gltf.textured import check_vertices
 from ..formats.load import load, parser_errors
 from ..formats.ply.write import bare_ply
 from ..formats.stl import TRIANGLE
+from ..formats.unsupported import unsupported_features
 from ..show.progress import progress
 
 if TYPE_CHECKING:
@@ -57,6 +59,7 @@ def prune(
     check_writable(output)
     mesh_file = load(source, output if ending == ".glb" else None)
     check_outputs({"--output": output}, mesh_file.files)
+    warn([], [*mesh_file.notes, *_losses(mesh_file, output)])
     if ending == ".glb" and not mesh_file.is_scene:
         from ..formats.gltf.write import document
 
@@ -114,6 +117,15 @@ def _gone_objects(source: Asset, kept: Bools) -> list[str]:
         for name, count, kept_count in zip(names, counts.tolist(), left, strict=True)
         if count and not kept_count
     ]
+
+
+def _losses(source: Asset, output: Path) -> Sequence[str]:
+    """A line about what the file to be written leaves out, if that is anything."""
+    if output.suffix.lower() == ".glb":
+        return unsupported_features(output, source)
+    if not (source.materials or source.unread or any(one.columns for one in source.primitives)):
+        return ()
+    return (f"{output}: not kept from {source.path}: all but vertices and triangles, which only a .glb keeps",)
 
 
 def _visible_mesh(mesh: Mesh, seen: Bools, output: Path) -> bytes:

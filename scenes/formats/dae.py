@@ -27,19 +27,17 @@ def read_dae(mesh_input: MeshInput) -> Asset:
 
     Raises: MeshError: very many copies, or an archive that unpacks to very much. Exception: of pycollada.
     """
-    from collada import Collada
-    from collada.common import DaeError
-
     file = mesh_input.file
     if mesh_input.path.suffix.lower() == ".zae":
         check_archive(file, mesh_input.source)
-    content = Collada(file, ignore=[DaeError])
+    content = _content(file)
     primitives: list[Primitive] = []
     nodes = []
     materials: dict[Material, int] = {}
     unread: dict[str, None] = {}
     placed_elements = 0
-    for placed in _placed(content.scene) if content.scene else ():
+    scene = content.scene or next(iter(content.scenes), None)
+    for placed in scene.objects("geometry") if scene else ():
         shape = placed.original
         for pieces in _sharing_vertices(shape.primitives):
             placed_elements += len(pieces[0].vertex) + sum(np.size(piece.vertex_index) for piece in pieces)
@@ -51,7 +49,7 @@ def read_dae(mesh_input: MeshInput) -> Asset:
             nodes.append(Node(str(shape.name or shape.id), (len(primitives),), np.asarray(placed.matrix, np.float64)))
             primitives.append(primitive._replace(material=np.repeat(numbers, of_pieces)))
     notes: dict[str, None] = {}
-    if content.errors and primitives:
+    if content.errors:
         faults = " ".join(str(getattr(content.errors[0], "msg", content.errors[0])).split())
         notes[f"{len(content.errors):,} parts of the document are malformed and left out: {faults}"] = None
     left_out = [name for name in ("cameras", "lights", "animations") if getattr(content, name)]
@@ -62,6 +60,43 @@ def read_dae(mesh_input: MeshInput) -> Asset:
         mesh_input.path, tuple(primitives), tuple(nodes), tuple(materials),
         up=up, warnings=notes, unread=tuple(unread), pictures=pictures,
     )  # fmt: skip
+
+
+def _content(file: BinaryIO) -> Any:
+    """The document; what is malformed is left out. Raises: Exception: of pycollada."""
+    from collada import Collada
+    from collada.common import DaeBrokenRefError, DaeError
+    from collada.xmlutil import etree
+
+    class Document(Collada):  # type: ignore[misc]
+        def _loadNodes(self) -> None:
+            """Load nodes without what would lose their geometry: materials that are not there, skins and morphs."""
+            for technique in self.xmlnode.iter(self.tag("technique_common")):
+                for bound in technique.findall(self.tag("instance_material")):
+                    target = str(bound.get("target")).removeprefix("#")
+                    if target not in self.materials:
+                        technique.remove(bound)
+                        self.handleError(DaeBrokenRefError(f"Material #{target} not found"))
+            for node in list(self.xmlnode.iter(self.tag("node"))):
+                for instance in node.findall(self.tag("instance_controller")):
+                    node.remove(instance)
+                    self._place(etree.SubElement(node, self.tag("node")), instance)
+            super()._loadNodes()
+
+        def _place(self, node: Any, instance: Any) -> None:
+            """Make an instance of a controller one of the geometry that it moves, in the pose of that as stored."""
+            controllers = {f"#{element.get('id')}": element for element in self.xmlnode.iter(self.tag("controller"))}
+            url = instance.get("url")
+            while (controller := controllers.pop(url, None)) is not None:  # a skin may be one of a morph
+                for shape in (*controller.iter(self.tag("skin")), *controller.iter(self.tag("morph"))):
+                    url = shape.get("source")
+                    for matrix in shape.iter(self.tag("bind_shape_matrix")):
+                        etree.SubElement(node, self.tag("matrix")).text = matrix.text
+            instance.tag = self.tag("instance_geometry")
+            instance.set("url", url)
+            node.append(instance)
+
+    return Document(file, ignore=[DaeError])
 
 
 def _sharing_vertices(pieces: Iterable[Any]) -> Iterator[list[Any]]:
@@ -98,18 +133,6 @@ def _primitive(pieces: list[Any], source: str, unread: dict[str, None]) -> Primi
 def _counts(piece: Any) -> Any:
     """How many corners each polygon of a primitive has."""
     return getattr(piece, "vcounts", np.full(len(piece.vertex_index), 3))
-
-
-def _placed(scene: Any) -> Iterator[Any]:
-    """The bound geometries of a scene, then those of its skins and morphs, in the pose that they are stored in."""
-    from collada.controller import BoundSkin
-
-    yield from scene.objects("geometry")
-    for bound in scene.objects("controller"):
-        if isinstance(bound, BoundSkin):
-            yield bound.geometry
-        else:
-            yield bound.original.source_geometry.bind(bound.matrix, bound.materialnodebysymbol)
 
 
 def unit(file: BinaryIO) -> float:

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import re
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
@@ -51,7 +52,8 @@ def _meshio(file: Path, path: Path) -> Asset:
         try:
             content = meshio.read(file)
         except SystemExit:
-            reason = " ".join(output.getvalue().split()).replace(str(file), path.name) or "another"
+            name = r"\s*".join(map(re.escape, str(file)))  # which meshio breaks into lines
+            reason = re.sub(name, path.name.replace("\\", r"\\"), " ".join(output.getvalue().split())) or "another"
             raise MeshError(path, "content", f"a file that meshio reads as {path.suffix}", reason) from None
     blocks = [block for block in content.cells if block.type in _SURFACES]
     corners = np.concatenate([np.empty(0, np.int64), *(np.ravel(block.data) for block in blocks)]).astype(np.int64)

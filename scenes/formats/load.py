@@ -162,7 +162,7 @@ def read_asset(path: Path, content: bytes | None = None, alpha: bool = False, po
         besides = "no vertices: perhaps it is no OBJ" if row.name == "OBJ" and not count else f"{count} points"
         if any(NORMAL in primitive.columns for primitive in asset.primitives):
             besides += " with normals: bake --points takes those"
-        raise MeshError(path, "faces", "at least one triangle", f"none, and {besides}")
+        raise MeshError(path, "faces", "at least one triangle", "; ".join([f"none, and {besides}", *asset.warnings]))
 
 
 @contextmanager

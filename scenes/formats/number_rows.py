@@ -15,6 +15,7 @@ from obscurance.raytrace.text import read_rows
 from obscurance.raytrace.types import Float64s, Int64s, UInt8s
 
 _END = re.compile(rb"[\r\n]")
+_LINE_END = re.compile(rb"\r\n?|\n")
 _WORD = re.compile(rb"[^#\s]+")
 BLOCK = 1 << 18  # bytes, and the rest of the last line
 _ODD = 1 << 16  # words that become text at once
@@ -47,12 +48,26 @@ def round_left(data: bytes, values: Float64s, other: float | None = None) -> Non
         offsets = (values.view(np.int64)[block] & _PLACE).tolist()
         words = [next(_WORD.finditer(data, at))[0] for at in offsets]
         if other is None:
-            values[block] = np.fromstring(b" ".join(words), sep=" ")
+            try:
+                values[block] = np.fromstring(b" ".join(words), sep=" ")
+            except ValueError:
+                raise _no_number(data, offsets, words) from None
             continue
         for place, word in zip(block, words, strict=True):
             values[place] = other
             with suppress(ValueError):
                 values[place] = np.fromstring(word, sep=" ").item()
+
+
+def _no_number(data: bytes, offsets: list[int], words: list[bytes]) -> ValueError:
+    """An error that names the first of the words, at these offsets in the data, that is no number, and its line."""
+    for at, word in zip(offsets, words, strict=True):
+        try:
+            np.fromstring(word, sep=" ").item()
+        except ValueError:
+            line = 1 + len(_LINE_END.findall(data[:at]))
+            return ValueError(f"{word.decode('utf-8', 'replace')} in line {line:,}, which is no number")
+    return ValueError("words that are no numbers")
 
 
 class NumberRows(NamedTuple):

@@ -11,6 +11,7 @@ import os
 import re
 import warnings
 from collections.abc import Container
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,20 +28,24 @@ from .load import parser_errors
 from .table import Channels, MeshInput, format_of, is_raster
 
 if TYPE_CHECKING:
+    from rasterio.crs import CRS
     from rasterio.io import DatasetReader
 
 _DRIVERS = {".asc": "AAIGrid", ".tif": "GTiff", ".tiff": "GTiff"}  # others of GDAL open what a content names
-_IN_MEMORY = re.compile(r"\S*[0-9a-f-]{36}\.tif:? *")  # GDAL's name of the content
-_FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048} | dict.fromkeys(
-    ("us survey foot", "us survey feet", "us-ft", "ft-us", "ftus", "foot_us"), 1200 / 3937
+_IN_MEMORY = re.compile(r"\S*[0-9a-f-]{36}\.tif[:,]? *")  # GDAL's name of the content
+_US_FOOT = 1200 / 3937
+_UNITS = {"km": 1000.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048} | (
+    dict.fromkeys(("us survey foot", "us survey feet", "us-ft", "ft-us", "ftus", "foot_us"), _US_FOOT)
 )
 _METRES = "", "m", "metre", "metres", "meter", "meters"
 _VOID, _HUGE = -32768.0, 1e30  # heights that no tag need name: of SRTM, and of float32 below ±3.4e38
+_CUSTOM, _DEEP = -9999.0, -9000.0  # another, unless there are other heights as deep: of trenches of the sea
 _DEGREES, _AROUND = 0.05, 360.0  # cells smaller than that, with corners within that, are in degrees
 _CELL = 240  # bytes of memory a cell takes until it is a vertex and two triangles
 _PACKED, _FEW = 1100, 1 << 20  # cells that a byte of file holds at most; so many that any file may have
-_NO_DATA = -9999.0
-_KEPT = "width", "height", "crs", "transform"
+_NO_DATA = _CUSTOM
+_PROJECTION = 1 << 16  # characters of a reference system
+_KEPT = "width", "height", "transform"
 _RECORD = "OBSCURANCE_BAKE"  # a tag: how w was baked
 _BANDS = {"obscurance": "w", "standard error": "error"}  # of a result, and what is in them
 
@@ -48,19 +53,27 @@ _BANDS = {"obscurance": "w", "standard error": "error"}  # of a result, and what
 def read_raster(mesh_input: MeshInput) -> Asset:
     """The surface through the cells of the first band, z upwards.
 
-    Raises: MeshError: no cell has data, cells are in degrees, or there are several bands. Others as `opened`.
+    Raises:
+        MeshError: no cell has data, cells are in degrees, or there are several bands, or those of a bake. Others as
+            `opened`.
     """
     with opened(mesh_input.file, mesh_input.source) as raster:
         from rasterio.enums import MaskFlags
 
+        if raster.descriptions[0] in _BANDS:
+            expected = "heights: view and render take w beside the raster that was baked, as --mesh and --baked"
+            raise MeshError(mesh_input.source, "bands", expected, "those of a bake")
         if raster.count > 1 and MaskFlags.alpha not in raster.mask_flag_enums[0]:
             expected = "one, of heights: gdal_translate -b 1 takes the first"
             raise MeshError(mesh_input.source, "bands", expected, raster.count)
         heights, has_data, notes = cells_of(raster)
         transform = raster.transform
-        unit = _unit_of(raster, mesh_input.source)
-        if not raster.crs:
+        system = _system_of(raster, mesh_input.path)
+        unit = _unit_of(raster, system, mesh_input.source)
+        if not system:
             notes += ("it names no reference system: cells are taken for metres",)
+        elif unit != 1 and not raster.units[0]:
+            notes += (f"cells are in {system.linear_units}, heights, of which no unit is named, are taken for metres",)
     if not has_data.any():
         raise MeshError(mesh_input.source, "cells", "some with data", "none")
     cell_rows, cell_columns = np.nonzero(has_data)
@@ -80,13 +93,26 @@ def read_raster(mesh_input: MeshInput) -> Asset:
     return Asset.single(mesh_input.path, mesh_input.name, surface, notes, up="z", to_system=to_system)
 
 
-def _unit_of(raster: DatasetReader, source: str) -> float:
+def _system_of(raster: DatasetReader, path: Path) -> CRS | None:
+    """The reference system of a raster, of an ASCII grid that in the .prj beside it; None: none that GDAL reads."""
+    beside = path.with_suffix(".prj")
+    if raster.crs or path.suffix.lower() != ".asc" or not beside.is_file():
+        return raster.crs
+    from rasterio.crs import CRS
+    from rasterio.errors import CRSError
+
+    with beside.open(encoding="utf-8", errors="replace") as file, suppress(CRSError):
+        return CRS.from_wkt(file.read(_PROJECTION))
+    return None
+
+
+def _unit_of(raster: DatasetReader, system: CRS | None, source: str) -> float:
     """The unit of the cells' places in metres. Raises: MeshError: they are in degrees."""
-    if raster.crs:
-        if raster.crs.is_geographic:
+    if system:
+        if system.is_geographic:
             expected = "cells in a unit of length: gdalwarp -t_srs EPSG:326NN, for UTM, makes such"
-            raise MeshError(source, "reference system", expected, f"degrees, {raster.crs.to_string()}")
-        factor: float = raster.crs.linear_units_factor[1]
+            raise MeshError(source, "reference system", expected, f"degrees, {system.to_string()}")
+        factor: float = system.linear_units_factor[1]
         return factor
     if abs(raster.transform.determinant) < _DEGREES**2 and max(map(abs, raster.bounds)) <= _AROUND:
         makes = "gdalwarp -s_srs EPSG:4326 -t_srs EPSG:326NN, for UTM, makes such"
@@ -107,20 +133,33 @@ class Cells(NamedTuple):
 
 
 def cells_of(raster: DatasetReader) -> Cells:
-    """The heights of the first band, by its scale, offset and unit."""
-    stored: Float64s = raster.read(1).astype(np.float64)
+    """The heights of the first band, by its scale, offset and unit. Raises: as `_read`."""
+    stored = _read(raster, 1)
     has_data: Bools = (raster.read_masks(1) > 0) & np.isfinite(stored)
     notes = []
     void = has_data & ((stored == _VOID) | (np.abs(stored) > _HUGE))
+    custom = has_data & (stored == _CUSTOM)
+    if not (has_data & ~void & ~custom & (stored < _DEEP)).any():
+        void |= custom
     if void.any():
         notes.append(f"{np.count_nonzero(void):,} cells of {stored[void][0]:g}, which no tag names, are taken for gaps")
     name = raster.units[0] or ""
-    unit = _FEET.get(name.lower(), 1.0)
+    unit = _UNITS.get(name.lower(), 1.0)
     if unit != 1:
         notes.append(f"heights are in {name} and taken to metres")
     elif name.lower() not in _METRES:
         notes.append(f"heights are in {name}, which is taken for metres")
     return Cells(unit * (stored * raster.scales[0] + raster.offsets[0]), has_data & ~void, tuple(notes))
+
+
+def _read(raster: DatasetReader, band: int) -> Float64s:
+    """What a band stores (h, w). Raises: OSError: cells are missing or broken."""
+    from rasterio.errors import RasterioIOError
+
+    try:
+        return np.asarray(raster.read(band), np.float64)
+    except RasterioIOError as reason:
+        raise OSError(_IN_MEMORY.sub("", str(reason.__cause__ or reason))) from None
 
 
 def opened(file: Any, source: str) -> DatasetReader:
@@ -159,7 +198,7 @@ def raster(bake: Bake, asset: Asset, channels: Channels = Channels()) -> bytes:
     path = asset.path
     with parser_errors(path), path.open("rb") as file, opened(file, str(path)) as source:
         has_data = cells_of(source).has_data
-        grid = {name: source.profile[name] for name in _KEPT}
+        grid = {name: source.profile[name] for name in _KEPT} | {"crs": _system_of(source, path)}
     bands = {name: getattr(bake, column) for name, column in _BANDS.items()}
     known_bands = {name: values for name, values in bands.items() if values is not None}
     from rasterio.io import MemoryFile
@@ -181,16 +220,12 @@ def raster(bake: Bake, asset: Asset, channels: Channels = Channels()) -> bytes:
 def stored_columns(path: Path, wanted: Container[str]) -> dict[str, Float64s]:
     """The `wanted` of `w` and `error`, of the cells with data, as far as a bake has left them in a raster.
 
-    Raises: as `opened`.
+    Raises: as `opened` and `_read`.
     """
     with path.open("rb") as file, opened(file, str(path)) as source:
         has_data = source.read_masks(1) > 0
         columns = {number: _BANDS.get(name, "") for number, name in enumerate(source.descriptions, 1)}
-        return {
-            column: source.read(number)[has_data].astype(np.float64)
-            for number, column in columns.items()
-            if column in wanted
-        }
+        return {column: _read(source, number)[has_data] for number, column in columns.items() if column in wanted}
 
 
 def stored_record(path: Path) -> str:

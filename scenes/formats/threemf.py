@@ -40,6 +40,9 @@ _READ = 2  # bytes of memory a byte of XML
 _COLOURED = ("basematerials", "colorgroup")
 _UNREAD = ("texture2dgroup", "compositematerials", "multiproperties")
 _UNITS = {"micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048, "meter": 1.0}
+_EXTENSIONS = "/material/", "/production/"  # in their namespaces
+_DATE = re.compile(r"(/\d+)+$")
+_SECURE: dict[str, bool] = {"resolve_entities": False, "no_network": True, "load_dtd": False}
 _MOST_COLOURS = 1024  # of a file, each of which is a material
 
 Key = tuple[str, str]  # model file and object id
@@ -69,11 +72,16 @@ class _Reader:
     colours: dict[Paint, Material] = field(default_factory=dict)
     sizes: Counter[str] = field(default_factory=Counter)  # of groups, as far as they are read
     has_unread: bool = False
+    core: str = ""  # the namespace of what is no extension
+    unread: dict[str, None] = field(default_factory=dict)  # names of extensions
 
     def start(self, tag: str, attributes: Mapping[str, str]) -> None:
         """Take the start of an XML element, as the parser calls it."""
         namespace, _, element = tag.rpartition("}")
-        if "/slice/" in namespace:  # whose vertices have no z
+        if element == "model":
+            self.core = namespace
+        if namespace != self.core and not any(extension in namespace for extension in _EXTENSIONS):
+            self.unread[_DATE.sub("", namespace[1:]).rpartition("/")[2]] = None  # as slices, whose vertices have no z
             return
         match element:
             case "model":
@@ -138,7 +146,7 @@ def read_3mf(mesh_input: MeshInput) -> Asset:
     # The objects of all models of the archive, and what the root model builds of them.
     objects: dict[Key, _Object] = {}
     readers = _read_models(mesh_input.file, objects)
-    root = readers[next(name for name in readers if name.endswith(ROOT))]
+    root = next(iter(readers.values()))
     build = root.items
     _check_build(build, objects, unpacked, mesh_input.source)
     colours = {name: reader.colours for name, reader in readers.items()}
@@ -163,18 +171,19 @@ def read_3mf(mesh_input: MeshInput) -> Asset:
                 primitives.append(_primitive(item, colours.get(key[0], {}), materials))
             nodes.append(Node(item.name, (numbers[key],), matrix))
         stack.extend((child, matrix @ local) for child, local in item.components[::-1])
-    return Asset(mesh_input.path, tuple(primitives), tuple(nodes), tuple(materials), up="z", unread=unread)
+    extensions = dict.fromkeys(name for reader in readers.values() for name in reader.unread)
+    notes = {f"what the 3MF extension {name} adds is not read": None for name in extensions}
+    return Asset(
+        mesh_input.path, tuple(primitives), tuple(nodes), tuple(materials), up="z", warnings=notes, unread=unread
+    )  # fmt: skip
 
 
 def unit(file: BinaryIO) -> float:
     """The unit of an archive's root model in metres. Raises: Exception: of zipfile and lxml, or another unit."""
     from lxml import etree
 
-    with zipfile.ZipFile(file) as archive:
-        name = next(name for name in archive.namelist() if _member(name).endswith(ROOT))
-        with archive.open(name) as content:
-            secure: dict[str, bool] = {"resolve_entities": False, "no_network": True, "load_dtd": False}
-            _, model = next(etree.iterparse(content, events=("start",), **secure))
+    with zipfile.ZipFile(file) as archive, archive.open(_root(archive)) as content:
+        _, model = next(etree.iterparse(content, events=("start",), **_SECURE))
     return _UNITS[model.get("unit", "millimeter")]
 
 
@@ -184,20 +193,39 @@ def unit_in_words(unit: float) -> tuple[str, ...]:
 
 
 def _read_models(file: BinaryIO, objects: dict[Key, _Object]) -> dict[str, _Reader]:
-    """Readers of an archive's models, by name, at their ends; their objects are added to `objects`."""
+    """Readers of an archive's models, by name, at their ends, that of the root first; their objects are added to
+    `objects`."""
     from lxml import etree
 
     readers: dict[str, _Reader] = {}
     with zipfile.ZipFile(file) as archive:
-        models = {_member(entry.filename): entry for entry in archive.infolist() if entry.filename.endswith(".model")}
-        for name, entry in models.items():
+        models = [entry for entry in archive.namelist() if entry.endswith(".model")]
+        for entry in dict.fromkeys([_root(archive), *models]):
+            name = _member(entry)
             readers[name] = _Reader(name, objects)
-            parser = etree.XMLParser(target=readers[name], resolve_entities=False, no_network=True, load_dtd=False)
+            parser = etree.XMLParser(target=readers[name], **_SECURE)
             with archive.open(entry) as content:
                 while block := content.read(_BLOCK):
                     parser.feed(block)
             parser.close()
     return readers
+
+
+def _root(archive: zipfile.ZipFile) -> str:
+    """The member that is the root model: by the package's relations, or else by its usual name. Raises: ValueError."""
+    from lxml import etree
+
+    names = {_member(name): name for name in archive.namelist()}
+    if relations := names.get("_rels/.rels"):
+        with archive.open(relations) as content:
+            for _, relation in etree.iterparse(content, tag="{*}Relationship", recover=True, **_SECURE):
+                target = _member(relation.get("Target", ""))
+                if relation.get("Type", "").endswith("/3dmodel") and target in names:
+                    return names[target]
+    usual = [name for member, name in names.items() if member.endswith(ROOT)]
+    if not usual:
+        raise ValueError("no model")
+    return usual[0]
 
 
 def _primitive(item: _Object, colours: Mapping[Paint, Material], materials: dict[Material, int]) -> Primitive:

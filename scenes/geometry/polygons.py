@@ -36,7 +36,9 @@ class Triangulation(NamedTuple):
         """Warnings about the polygons."""
         who = f"{self.crossing:,} polygons cross themselves" if self.crossing > 1 else "1 polygon crosses itself"
         what = "no triangles between the corners fill what does; cut it into triangles where it was made"
-        return (f"{who}: {what}",) if self.crossing else ()
+        short = np.count_nonzero(self.counts == 0)
+        few = f"{short:,} faces of fewer than three corners are no triangles"
+        return tuple(line for count, line in ((short, few), (self.crossing, f"{who}: {what}")) if count)
 
     @property
     def polygons(self) -> Int64s | None:

@@ -18,7 +18,7 @@ def colonnade():
 
 @pytest.fixture(scope="module")
 def reference(colonnade):
-    return ao.bake(colonnade, ao.Binary(), samples=8192, seed=999).w
+    return ao.bake(colonnade, ao.Binary(), samples=2048, seed=999).w
 
 
 @pytest.mark.parametrize("samples", [16, 100, 256])

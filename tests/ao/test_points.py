@@ -116,7 +116,7 @@ def reported_and_true(cloud, seeds=2):
 
 
 @pytest.mark.parametrize("is_grid", [True, False])
-@pytest.mark.parametrize("angle", [15, 60, 120])
+@pytest.mark.parametrize("angle", [15, 120])
 def test_clouds_are_closed_in_creases(angle, is_grid):
     """Two squares that meet at an angle, along whose edge (1 − cos α)/2 is open, but for what is farther than .3."""
     cosine, sine = np.cos(np.radians(angle)), np.sin(np.radians(angle))
@@ -171,7 +171,7 @@ def test_rough_clouds_say_by_how_much_they_may_be_closed(noise, is_grid):
         points = np.column_stack([scattered(random, 50, is_grid), noise / 50 * random.normal(size=2500)])
         return points, np.tile([0, 0, 1.0], (2500, 1)), slice(None), 1.0
 
-    reported, true = reported_and_true(rough, seeds=4)
+    reported, true = reported_and_true(rough, seeds=3)
     assert true < (0.05 if noise < 0.2 else 0.5)
     assert true < 1.3 * reported + 0.01  # few are closed where noise is just more than what is level
     assert reported < 1.3 * true + 0.03

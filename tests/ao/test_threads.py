@@ -29,21 +29,16 @@ def facts(baked):
 
 
 @pytest.mark.parametrize("entry", ENTRIES)
-def test_threads_change_nothing_and_seeds_do(entry):
-    one, other = (facts(ENTRIES[entry](threads=count)) for count in (1, 3))
-    assert other == one
-    assert facts(ENTRIES[entry](seed=1)) != one
-
-
-@pytest.mark.parametrize("entry", ENTRIES)
-def test_what_saves_memory_changes_nothing(entry, monkeypatch):
-    """Parts of points, of edges and of cells, and triangles that are let go between rays."""
-    whole = facts(ENTRIES[entry]())
+def test_threads_and_what_saves_memory_change_nothing_and_seeds_do(entry, monkeypatch):
+    """Parts of points, of edges and of cells, cells joined in every round, triangles that are let go between rays."""
+    whole = facts(ENTRIES[entry](threads=1))
+    assert facts(ENTRIES[entry](seed=1)) != whole
     released = []
     monkeypatch.setattr(bvh16, "_LARGE", 0)
     monkeypatch.setattr(bvh16, "give_memory_back", lambda: released.append(1))
-    for module, name, size in (tracer, "_AT_ONCE", 70), (one_ring, "_LISTED", 30), (scales, "_BLOCK", 40):
+    sizes = (tracer, "_AT_ONCE", 70), (one_ring, "_LISTED", 30), (scales, "_BLOCK", 40), (scales, "_MANY", 0)
+    for module, name, size in sizes:
         monkeypatch.setattr(module, name, size)
     monkeypatch.setattr(one_ring, "_PARTS", 1 << 30)
-    assert facts(ENTRIES[entry]()) == whole
+    assert facts(ENTRIES[entry](threads=3)) == whole
     assert released

@@ -20,11 +20,11 @@ def report(findings, seed):
 
 
 def test_damaged_files():
-    findings, counts, _ = fuzzing.run(500, "short", processes=1)
+    findings, counts, _ = fuzzing.run(300, "short", processes=1)
     assert not findings, report(findings, "short")
-    assert sum(map(sum, (each.values() for each in counts.values()))) == 500
+    assert sum(map(sum, (each.values() for each in counts.values()))) == 300
     assert all(each["refused"] for each in counts.values())
-    assert sum(each["accepted"] for each in counts.values()) > 30
+    assert sum(each["accepted"] for each in counts.values()) > 18
 
 
 @pytest.mark.slow
@@ -138,6 +138,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.slow
 def test_the_driver_notices(tmp_path):
     """Whatever a step does, the next one is tried."""
     worker = tmp_path / "worker.py"

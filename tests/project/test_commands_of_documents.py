@@ -57,7 +57,7 @@ def small(line):
         return [*line, *RENDER]
     if line[0] != "bake":
         return line
-    rays = [] if "--tolerance" in line else ["--samples", "16"]
+    rays = [] if "--tolerance" in line else ["--samples", "4"]
     size = ["--size", "64"] if any(word.endswith(TEXTURES) for word in line) else []
     return [*line, *rays, *size]
 

@@ -1,4 +1,4 @@
-"""Refinement of surfaces to a number of vertices, displacement by smooth random fields, random placement."""
+"""Surfaces of a number of vertices, displacement by smooth random fields, random placement."""
 
 from __future__ import annotations
 
@@ -44,12 +44,6 @@ def extent(part: RawMesh) -> float:
     return float(np.ptp(part[0], axis=0).max())
 
 
-def unit(part: RawMesh) -> RawMesh:
-    """Moved to the origin and scaled to a longest side of 1."""
-    low, high = part[0].min(axis=0), part[0].max(axis=0)
-    return (part[0] - (low + high) / 2) / float((high - low).max()), part[1]
-
-
 def welded(part: RawMesh) -> RawMesh:
     """One vertex for those at one place; without faces that lose their area by it, or vertices of no face."""
     steps = np.round(part[0] / (_SAME * max(extent(part), 1e-300))).astype(np.int64)
@@ -69,38 +63,6 @@ def places(part: RawMesh) -> int:
     """How many places the vertices of faces are at that differ by a millionth of the part's extent, as they do wherever
     `placed` moves it; a bake has at least as many points."""
     return len(np.unique(np.round(part[0][np.unique(part[1])] / (1e-6 * extent(part))), axis=0))
-
-
-def refined(part: RawMesh, length: float) -> RawMesh:
-    """Every edge longer than `length` halved, until none is; neighbouring faces stay neighbours."""
-    vertices, faces = part
-    while True:
-        edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-        unique, which = np.unique(edges, axis=0, return_inverse=True)
-        long = np.linalg.norm(vertices[unique[:, 0]] - vertices[unique[:, 1]], axis=1) > length
-        if not long.any():
-            return vertices, faces
-        middle = np.where(long, len(vertices) - 1 + np.cumsum(long), -1)[which].reshape(3, -1).T
-        vertices = np.concatenate([vertices, vertices[unique[long]].mean(axis=1)])
-        faces = _split(faces, middle)
-
-
-def _split(faces: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """Faces (m, 3) cut where `middle` (m, 3), the vertex in the middle of each side ab, bc, ca, is not −1."""
-    cuts = (middle >= 0).sum(axis=1)
-    pieces = [faces[cuts == 0]]
-    for count in (1, 2, 3):
-        f, m = faces[cuts == count], middle[cuts == count]
-        turn = np.argmax(m >= 0, axis=1) if count == 1 else (np.argmin(m >= 0, axis=1) + 1) % 3
-        order = (turn[:, None] + np.arange(3)) % 3  # the first side is cut; of two, the first two
-        (a, b, c), (ab, bc, ca) = (np.take_along_axis(values, order, axis=1).T for values in (f, m))
-        triangles = {
-            1: ((a, ab, c), (ab, b, c)),
-            2: ((ab, b, bc), (a, ab, c), (ab, bc, c)),
-            3: ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)),
-        }[count]
-        pieces += [np.stack(triangle, axis=-1) for triangle in triangles]
-    return np.concatenate(pieces)
 
 
 def sized(make: Make, size: int, most: float = SURPLUS) -> RawMesh:

@@ -6,9 +6,7 @@ from collections.abc import Callable
 
 from obscurance.raytrace import Mesh
 
-from .bases import dense_base
-from .damage import DAMAGES, Damage, damaged
-from .dense import Rng, placed
+from .dense import Rng
 from .inserts import blades, character, eyes, pipes, posts
 from .layers import crossing_planes, nested_shells, planar_sets, scale_jumps, thin_sheets
 
@@ -18,10 +16,6 @@ LARGE = 60_000
 
 Family = Callable[[Rng, int], Mesh]
 """A random generator and a number to a mesh with vertices at that many places, seldom more than twice as many."""
-
-
-def _damaged(name: str, damage: Damage, surplus: float) -> Family:
-    return lambda rng, size: placed(damaged(damage, dense_base(rng), size, surplus, rng), rng, name)
 
 
 FAMILIES: dict[str, Family] = {
@@ -35,5 +29,4 @@ FAMILIES: dict[str, Family] = {
     "scale jumps": scale_jumps,
     "planar sets": planar_sets,
     "crossing planes": crossing_planes,
-    **{name: _damaged(name, *how) for name, how in DAMAGES.items()},
 }

@@ -58,11 +58,13 @@ def test_a_pose_is_a_similarity() -> None:
     assert away == pytest.approx(1e5 * (high - low).max())
 
 
+@pytest.mark.slow
 def test_rays_that_start_on_the_surface_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     change_origins(monkeypatch, **scaled_offsets(0.0))
     assert len(failed(islice(rays.self_hits(False), 3))) >= 2
 
 
+@pytest.mark.slow
 def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     change_origins(monkeypatch, resolve_contacts=lambda *_: None)
     edged = ("cube, hard edges", "cube with T-junctions")
@@ -70,6 +72,7 @@ def test_rays_that_mind_only_their_own_faces_fail(monkeypatch: pytest.MonkeyPatc
     assert len(failed(contacts(False))) >= 3
 
 
+@pytest.mark.slow
 def test_offsets_that_pass_through_a_plate_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     change_origins(monkeypatch, stop_short=lambda *_: None, **scaled_offsets(4.0))
     assert any("face to face" in line.case for line in contacts(False) if not line.ok)
@@ -80,6 +83,7 @@ def test_a_silent_limit_fails() -> None:
     assert len(failed(limits(False, lambda mesh: ["too coarse"]))) == 1
 
 
+@pytest.mark.slow
 def test_differences_beyond_the_error_estimate_fail() -> None:
     def too_sure(*arguments, **options):
         baked = bake(*arguments, **options)
@@ -88,6 +92,7 @@ def test_differences_beyond_the_error_estimate_fail() -> None:
     assert len(failed(islice(defects(False, too_sure), 3))) == 3
 
 
+@pytest.mark.slow
 def test_pictures_without_shadow_rays_fail() -> None:
     def without_shadows(scene, camera, settings):
         return render(scene, camera, replace(settings, shadows=False))

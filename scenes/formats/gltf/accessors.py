@@ -14,7 +14,7 @@ from obscurance.raytrace.types import Float64s
 
 from ...geometry.polygons import strip_triangles
 from .asset import MESHOPT, Gltf, entry
-from .records import TRIANGLE_STRIP, Primitive, Sparse
+from .records import TRIANGLE_FAN, TRIANGLE_STRIP, Primitive, Sparse
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -107,13 +107,17 @@ def flipped(uv: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 def triangles(asset: Gltf, primitive: Primitive, count: int) -> npt.NDArray[Any]:
-    """The faces (m, 3) of a primitive of so many vertices."""
+    """The faces (m, 3) of a primitive of so many vertices. Raises: MeshError: corners are left over."""
     corners: npt.NDArray[Any] = np.arange(count)
     if primitive.indices is not None:
         corners = values(asset, primitive.indices, "SCALAR").ravel()
-    if primitive.mode != TRIANGLE_STRIP:
-        return corners.reshape(-1, 3)
-    return strip_triangles(corners, np.array([len(corners)]))
+    if primitive.mode == TRIANGLE_STRIP:
+        return strip_triangles(corners, np.array([len(corners)]))
+    if primitive.mode == TRIANGLE_FAN:
+        return np.stack([np.repeat(corners[0], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
+    if len(corners) % 3:
+        raise MeshError(asset.path, "indices", "three for each triangle", len(corners))
+    return corners.reshape(-1, 3)
 
 
 def column(asset: Gltf, primitive: Primitive, name: str, *kinds: str) -> Float64s | None:

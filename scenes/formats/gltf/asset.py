@@ -20,10 +20,19 @@ from obscurance.raytrace.types import Float64s
 
 from ...asset.asset import Stored
 from ...geometry.instances import rotation_of_quaternion
-from ...json_toml import parse_json
+from ...json_toml import parse_json, shown
 from ...safe_paths import resolve_uri
-from . import records
-from .records import GltfGeometry, GltfMaterials, GltfTexture, Node, Primitive, Sampler, parse
+from .records import (
+    TRIANGLE_MODES,
+    GltfAsset,
+    GltfGeometry,
+    GltfMaterials,
+    GltfTexture,
+    Node,
+    Primitive,
+    Sampler,
+    parse,
+)
 
 _PLACED = {"matrix", "translation", "rotation", "scale"}
 JSON_CHUNK, BIN_CHUNK = 0x4E4F534A, 0x004E4942
@@ -63,10 +72,10 @@ class Gltf(Stored):
     @cached_property
     def geometry(self) -> GltfGeometry:
         """Meshes, nodes and accessors of the header. Raises: MeshError."""
-        geometry = parse(GltfGeometry, self.header, self.path)
-        if not geometry.version.startswith("2."):
-            raise MeshError(self.path, "asset.version", "glTF 2.0", geometry.version)
-        return geometry
+        version = parse(GltfAsset, self.header, self.path).version
+        if not str(version).startswith("2."):
+            raise MeshError(self.path, "asset.version", "glTF 2.0", shown(version))
+        return parse(GltfGeometry, self.header, self.path)
 
     @cached_property
     def materials(self) -> GltfMaterials:
@@ -160,7 +169,7 @@ class Gltf(Stored):
 
     @cached_property
     def drawn(self) -> list[DrawnPrimitive]:
-        """The triangle primitives, node by node as in `world`. Raises: ValueError: as that, or a triangle fan."""
+        """The primitives of triangles, node by node as in `world`. Raises: ValueError: as that."""
         drawn = []
         for number in self.world:
             node = self.geometry.nodes[number]
@@ -170,9 +179,7 @@ class Gltf(Stored):
             stored_mesh = entry(self.geometry.meshes, mesh, "meshes")
             weights = tuple(node.weights or stored_mesh.weights)
             for number_in_mesh, primitive in enumerate(stored_mesh.primitives):
-                if primitive.mode == records.TRIANGLE_FAN:
-                    raise ValueError(f"mesh {mesh} is a triangle fan, which is not supported")
-                if primitive.mode in (records.TRIANGLES, records.TRIANGLE_STRIP):
+                if primitive.mode in TRIANGLE_MODES:
                     stored = self.header["meshes"][mesh]["primitives"][number_in_mesh]
                     drawn.append(DrawnPrimitive(number, mesh, number_in_mesh, primitive, stored, node.skin, weights))
         return drawn

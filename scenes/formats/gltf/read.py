@@ -20,7 +20,7 @@ from .asset import DrawnPrimitive, Gltf, decode, entry
 from .draco import decompressed
 from .occlusion import ramp_sets
 from .pose import Posed, Poses, in_words
-from .records import LEFT, PROFILE, TRANSMISSION
+from .records import LEFT, PROFILE, TRANSMISSION, TRIANGLE_MODES
 
 if TYPE_CHECKING:
     from obscurance.ao import Profile
@@ -93,7 +93,8 @@ def _has_alpha(raw: Gltf) -> bool:
 
 def _unread(raw: Gltf) -> tuple[str, ...]:
     """What a file holds that others than glTF cannot, in words."""
-    words = ["nodes"] if len(raw.drawn) > 1 else []
+    modes = {primitive.mode for mesh in raw.geometry.meshes for primitive in mesh.primitives}
+    words = ["nodes"] * (len(raw.drawn) > 1) + ["points and lines"] * (not modes <= {*TRIANGLE_MODES})
     words += [words for key, words in _WORDS.items() if raw.header.get(key)]
     names = [drawn.primitive.attributes.keys() - _ramps(raw, drawn) for drawn in raw.drawn]
     return (*words, *sorted(set[str]().union(*names) - set(_READ)))

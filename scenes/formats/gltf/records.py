@@ -31,7 +31,7 @@ PROFILE = "_OBSCURANCE_PROFILE_"  # and a number: attributes of four columns eac
 WRAP = 10497  # REPEAT
 LIGHTS = "extensions.KHR_lights_punctual.lights"
 TRANSMISSION = "KHR_materials_transmission"
-TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
+TRIANGLE_MODES = TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 
 
 def parse(kind: type[T], value: Any, source: object) -> T:
@@ -127,10 +127,13 @@ class Image(Record):
     bufferView: Index | None = None
 
 
+class GltfAsset(Record):
+    version: Annotated[Any, At("asset.version")]
+
+
 class GltfGeometry(Record):
     """The part of a header that a mesh needs."""
 
-    version: Annotated[str, At("asset.version")]
     extensionsUsed: list[str] = []
     extensionsRequired: list[str] = []
     scene: Index = 0

@@ -98,8 +98,8 @@ class Textures:
         stored = entry(self.asset.materials.textures, number, "textures")
         image = stored.unreadable if stored.image is None else stored.image
         fault = ""
-        if stored.image is None and stored.extensions:
-            got = ", ".join(stored.extensions)
+        if stored.image is None:
+            got = ", ".join(stored.extensions) or "none"
             fault = f"textures[{number}]: expected a PNG, JPEG or WebP picture, got {got}"
         if image is None:
             return None, fault

@@ -4,6 +4,7 @@ Kernels read vertices and faces from blocks of the file's bytes, on all cores; t
 """
 
 import re
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterable
 from functools import cached_property
 from typing import NamedTuple
@@ -80,7 +81,9 @@ class ObjText:
     def __init__(self, data: bytes, source: str) -> None:
         """Raises: MeshError: too few coordinates, an index of no vertex. ValueError: text that is none."""
         # The lines, continued ones joined.
-        data = data.removeprefix(b"\xef\xbb\xbf")
+        if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+            data = data.decode("utf-16", "replace").encode()
+        data = data.removeprefix(BOM_UTF8)
         if b"\\" in data:
             for end in (b"\r\n", b"\r", b"\n"):
                 data = data.replace(b"\\" + end, b" ")
@@ -97,15 +100,8 @@ class ObjText:
         # Faces, and the indices of their corners.
         self.sizes, (of_vertices, *others), valid = self._faces()
         if not valid or any(run.keyword in (*NUMBERED, "f") for run in self.runs):
-            raise ValueError("string or file could not be read to its end due to unmatched data")  # as NumPy says
+            raise ValueError("corners of faces that are no numbers")
         self.notes: tuple[str, ...] = ()
-        is_polygon = self.sizes >= 3
-        if not is_polygon.all():
-            self.notes += (f"{int((~is_polygon).sum()):,} faces of fewer than three corners are left out",)
-            of_vertices, *others = (of[np.repeat(is_polygon, self.sizes)] for of in (of_vertices, *others))
-            self.sizes = self.sizes[is_polygon]
-            before = np.append(0, np.cumsum(is_polygon))
-            self.runs = [run._replace(faces=int(before[run.faces])) for run in self.runs]
         absent: Int64s = np.broadcast_to(np.array(NONE), len(of_vertices))
         self.indices: dict[str, Int64s] = dict(zip(NUMBERED[1:], others or (absent, absent), strict=True))
         for keyword, indices in self.indices.items():

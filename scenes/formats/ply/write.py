@@ -13,7 +13,7 @@ from ...asset.asset import Asset
 from ...asset.primitive import BAKED, W, float_normals, known_columns
 from ..table import Channels
 from . import layout
-from .layout import COUNT, RGB, UP_COMMENT, Element, Ply, Property, grey_of, stored_colors
+from .layout import COUNT, INDICES, RGB, UP_COMMENT, Element, Ply, Property, grey_of, stored_colors
 
 GREY = "; red green blue = obscurance as sRGB"
 _COMMENTS = {"": "", "rgb": GREY, "a": "; alpha = obscurance"}
@@ -39,6 +39,8 @@ def ply(bake: Bake, asset: Asset, channels: Channels) -> bytes:
     cut = channels.ply_name == MESHLAB and cuts_polygons(asset)
     if cut:
         elements = tuple(_cut(element, asset) if element.name == "face" else element for element in elements)
+    if channels.ply_name == MESHLAB:
+        elements = tuple(_of_int(element) if element.name == "face" else element for element in elements)
     colour_channels = channels.colors or ("" if has_own_colors(asset) else "rgb")
     # Comments: the axis that is up, what the grey is, and the profile's distances.
     axis = up_axis(asset.mesh, channels.up)
@@ -80,7 +82,10 @@ def has_own_colors(asset: Asset) -> bool:
 
 
 def cuts_polygons(asset: Asset) -> bool:
-    """Whether polygons for MeshLab become triangles: it opens none that have lists of texture coordinates."""
+    """Whether polygons for MeshLab become triangles: it opens none that have lists of texture coordinates, and of more
+    than 255 corners a part."""
+    if (asset.sizes > 255).any():
+        return True
     uv = asset.of_polygons("uv0", missing=(0, 1))
     if uv is None or (asset.sizes == 3).all():
         return False
@@ -102,6 +107,20 @@ def _cut(element: Element, asset: Asset) -> Element:
             values = column.values.reshape(-1, wide)[places].ravel()
             columns.append(column._replace(values=values, sizes=np.full(int(triangles.counts.sum()), 3 * wide)))
     return Element(element.name, int(triangles.counts.sum()), tuple(columns))
+
+
+def _of_int(element: Element) -> Element:
+    """The element of faces with its vertices as `uchar int vertex_indices`: MeshLab opens no list with a count of
+    uint, ushort or short, nor one of ushort, uchar or, by the other usual name, uint."""
+    lists = [column.name for column in element.properties if column.counted]
+    used = next((name for name in INDICES if name in lists), None)
+    columns = (
+        column._replace(name=INDICES[0], kind="i", counted="B", values=column.values.astype(np.int32))
+        if column.counted and column.name == used
+        else column
+        for column in element.properties
+    )
+    return replace(element, properties=tuple(columns))
 
 
 def _of_polygons(bake: Bake, asset: Asset) -> Bake:

@@ -84,7 +84,7 @@ def test_a_worker_that_is_stopped_as_it_starts_is_not_waited_for(tmp_path, mediu
         os.kill(int(stopped.read_text()), 0)
 
 
-@pytest.mark.parametrize("how", [STOP, SAY_NOTHING])
+@pytest.mark.parametrize("how", [pytest.param(STOP, marks=pytest.mark.slow), SAY_NOTHING])
 def test_where_all_workers_stop_as_they_start_the_bake_ends(tmp_path, starting, monkeypatch, how):
     stopped, messages = tmp_path / "stopped", []
     starting(STOPS.format(stopped=str(stopped), reported="", how=how))

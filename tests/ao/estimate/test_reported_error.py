@@ -29,6 +29,7 @@ TRACED = {
     "small charts": families.small_charts,
     "charts of two texels": partial(families.small_charts, texels=2.0),
 }
+FEW = "boxes", "grass", "charts of two texels"
 
 
 def squared(baked, *truths):
@@ -54,7 +55,7 @@ def check_texels(family, size, seeds, tolerance):
     for seed in seeds:
         mesh, uv, truth = family(seed, size)
         page = partial(bake, ao.bake_texture, mesh, uv, size, "binary", close_seams=False)
-        truths = [truth] if truth is not None else [page(samples=2048, denoise=False, seed=900 + k).w for k in (0, 1)]
+        truths = [truth] if truth is not None else [page(samples=1024, denoise=False, seed=900 + k).w for k in (0, 1)]
         bakes.append(page(tolerance=tolerance, seed=seed))
         errors.append(squared(bakes[-1], *truths))
     check(bakes, errors, tolerance)
@@ -62,10 +63,10 @@ def check_texels(family, size, seeds, tolerance):
 
 @pytest.mark.parametrize("name", EXACT)
 def test_of_texels(name):
-    check_texels(EXACT[name], {"fins": 12, "a chart over another": 12, "layers": 8}.get(name, 16), range(20, 23), 0.015)
+    check_texels(EXACT[name], {"fins": 12, "a chart over another": 12, "layers": 8}.get(name, 16), range(20, 22), 0.015)
 
 
-@pytest.mark.parametrize("name", TRACED)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in FEW else pytest.mark.slow) for name in TRACED])
 def test_of_texels_by_rays(name):
     check_texels(TRACED[name], 16, range(20, 22), 0.02)
 
@@ -124,7 +125,7 @@ def on_a_floor_of_faces(seed, side):
 @pytest.mark.parametrize("side", [24, pytest.param(120, marks=pytest.mark.slow)])
 def test_of_faces(side):
     bakes, errors = [], []
-    for seed in range(50, 53):
+    for seed in range(50, 52):
         mesh, truth = on_a_floor_of_faces(seed, side)
         only = np.arange(len(mesh.vertices)) < side**2
         bakes.append(bake(ao.bake, mesh, "binary", at="faces", tolerance=0.01, seed=seed, only=only))
@@ -156,7 +157,7 @@ VERTICES = {
 @pytest.mark.parametrize("name", VERTICES)
 def test_of_vertices(name):
     bakes, errors = [], []
-    for seed in range(60, 63):
+    for seed in range(60, 62):
         mesh = VERTICES[name](seed)
         truths = [ao.bake(mesh, "binary", samples=2048, denoise=False, seed=900 + k).w for k in (0, 1)]
         bakes.append(bake(ao.bake, mesh, "binary", tolerance=0.015, seed=seed))

@@ -74,7 +74,7 @@ def test_the_floor_under_a_sphere_follows_its_closed_form_between_the_vertices()
 
 def test_a_buried_vertex_does_not_darken_what_is_in_sight():
     mesh = buried()
-    points = Points(mesh, 20_000, 128)
+    points = Points(mesh, 8_000, 128)
     points.hidden |= points.corners[:, 0] >= 25  # the ground
     vertex, surface = ao.bake(mesh, samples=256, interior="ignore"), bake_surface(mesh, samples=256)
     centre = 12
@@ -125,7 +125,7 @@ def test_coarse_meshes_are_fitted_to_a_tolerance(seed):
     mesh = slabs(table(np.random.default_rng(seed)))
     dense = bake_surface(mesh, samples=1 << 18, seed=99).w
     rays = []
-    for options in ({"tolerance": 0.01}, {}, {"tolerance": 0.004}):
+    for options in ({"tolerance": 0.01}, {}):
         bakes = [bake_surface(mesh, **options, seed=seed + turn) for turn in range(2)]
         true = np.sqrt(np.mean([(baked.w - dense) ** 2 for baked in bakes]))
         reported = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
@@ -133,7 +133,7 @@ def test_coarse_meshes_are_fitted_to_a_tolerance(seed):
         assert true < 1.1 * tolerance
         assert true / 1.3 < reported <= tolerance
         rays.append(bakes[0].rays)
-    assert rays[0] < rays[1] < rays[2]
+    assert rays[0] < rays[1]
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -222,6 +222,7 @@ def test_several_falloffs_are_each_fitted_as_alone():
     mesh = Mesh(*hills(20))
     falloffs = [ao.Binary(), ao.Exponential(tau=2.0), ao.Exponential(tau=1.0), ao.Binary(max_distance=0.3)]
     together = bake_surface(mesh, falloffs, samples=1024)
+    dense = bake_surface(mesh, falloffs, samples=1 << 14, seed=9).values
     assert together.values.shape == (len(mesh.vertices), len(falloffs))
     assert len(together.rmses) == len(falloffs)
     for column, falloff in enumerate(falloffs):
@@ -229,8 +230,7 @@ def test_several_falloffs_are_each_fitted_as_alone():
         assert together.rays == alone.rays
         off = np.sqrt(np.mean((together.values[:, column] - alone.w) ** 2))
         assert off < (1e-6 if column == 0 else alone.rmse)
-        dense = bake_surface(mesh, falloff, samples=1 << 15, seed=9).w
-        true = np.sqrt(np.mean((together.values[:, column] - dense) ** 2))
+        true = np.sqrt(np.mean((together.values[:, column] - dense[:, column]) ** 2))
         assert true / 1.35 < together.rmses[column] < 1.35 * true
 
 

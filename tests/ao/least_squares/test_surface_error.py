@@ -118,20 +118,19 @@ def test_of_meshes_drawn_anew(kind, pytestconfig):
 
 
 @cache
-def coarse_temple(falloff):
+def coarse_temple():
     """The mesh, and what many rays make of it."""
     mesh = temple(fineness=0.6)
-    return mesh, bake(mesh, falloff, samples=1024, seed=99).w
+    return mesh, bake(mesh, ao.Binary(), samples=1024, seed=99).w
 
 
 @pytest.mark.parametrize("samples", [16, 256])
-@pytest.mark.parametrize("falloff", [ao.Binary(), ao.Exponential()], ids=["binary", "exponential"])
-def test_over_all_vertices(samples, falloff):
-    mesh, reference = coarse_temple(falloff)
-    bakes = [bake(mesh, falloff, samples=samples, seed=seed) for seed in range(2)]
+def test_over_all_vertices(samples):
+    mesh, reference = coarse_temple()
+    bakes = [bake(mesh, ao.Binary(), samples=samples, seed=seed) for seed in range(2)]
     true = np.sqrt(np.mean([(baked.w - reference) ** 2 for baked in bakes]))
     reported = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
-    assert 1 / 1.5 < reported / true < WITHIN
+    assert 1 / 1.4 < reported / true < WITHIN
     off = np.abs(bakes[0].w - reference)
     order = np.argsort(bakes[0].error)
     quarter = len(off) // 4

@@ -46,12 +46,11 @@ def test_the_same_rays_meet_the_same_as_with_embree(name, falloff):
     assert compare(Mesh(*MESHES[name]), FALLOFFS[falloff]) < APART
 
 
-@pytest.mark.parametrize("falloff", ["binary", "exponential, limited"])
-def test_nor_on_a_mesh_with_hard_edges_and_contacts(falloff):
-    assert compare(temple(0.4), FALLOFFS[falloff], 100) < APART
+def test_nor_on_a_mesh_with_hard_edges_and_contacts():
+    assert compare(temple(0.4), FALLOFFS["exponential, limited"], 100) < APART
 
 
-@pytest.mark.parametrize("samples", [16, 17, 31, 32, 33, 250, 1000])
+@pytest.mark.parametrize("samples", [16, 17, 31, 32, 33, 300])
 def test_nor_with_any_number_of_rays(samples):
     """Blocks, groups of blocks and lists of rays that are full or not."""
     assert compare(Mesh(*hills(20)), ao.Exponential(), samples) < 2e-5  # a few rays of the most, none of the fewest
@@ -158,7 +157,7 @@ def test_every_triangle_in_double_precision_says_the_same(name):
     assert np.abs(prepared.streams()[rows] - prepared.doubles(rows)).max() < 1.5 / 100
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_slivers_and_needles_of_all_sizes_are_met_as_truly_as_by_embree(seed):
     """Embree meets slivers up to 2e-3 of the rays too often here, streams up to 2e-4."""
     prepared = Prepared(nasty(seed), 1000)

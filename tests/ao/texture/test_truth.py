@@ -95,16 +95,16 @@ def test_convex_meshes_are_open_everywhere(mesh_and_uv, falloff):
 
 
 def test_a_large_page_begins_with_a_pilot_sample(monkeypatch):
-    """Its patches are of texels alone, of those that stand for blocks of texels; here a quarter as many are large."""
-    monkeypatch.setattr("obscurance.ao.estimate.rounds._PILOTED", 1 << 15)
+    """Its patches are of texels alone, of those that stand for blocks of texels; here an eighth as many are large."""
+    monkeypatch.setattr("obscurance.ao.estimate.rounds._PILOTED", 1 << 14)
     vertices, faces = hills(60)
     uv = (vertices[:, :2] / 2 + 0.5)[faces]
     stages = set()
     mesh = Mesh(vertices * [1, 1, 0.1], faces)
-    texture = ao.bake_texture(mesh, uv, 750, tolerance=0.002, progress=lambda *now: stages.add(now[2]))
+    texture = ao.bake_texture(mesh, uv, 530, tolerance=0.002, progress=lambda *now: stages.add(now[2]))
     assert "rays, pilot sample" in stages
     assert texture.rmse <= 0.002
-    again = ao.bake_texture(mesh, uv, 750, tolerance=0.002, seed=1)
+    again = ao.bake_texture(mesh, uv, 530, tolerance=0.002, seed=1)
     assert np.sqrt(np.mean((texture.w - again.w) ** 2)) < np.sqrt(2) * 0.002
 
 

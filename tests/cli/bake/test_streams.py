@@ -9,6 +9,8 @@ from command import COMMAND, obscurance, refused, succeeded
 from mesh_files import glb, obj, off, ply, stl
 from meshes import hills, two_boxes
 
+from obscurance.raytrace.system.atomic import standard_output
+from obscurance.scenes.bake.run import kept_by
 from obscurance.scenes.formats.gltf.asset import decode
 from obscurance.scenes.formats.load import standard_input as read_standard_input
 
@@ -38,6 +40,13 @@ def test_a_pipe_gives_its_object_a_name(tmp_path):
     done = subprocess.run(command, input=obj(*hills(6)), capture_output=True, cwd=tmp_path, check=True)
     assert b"<title>standard input " in done.stdout
     assert b"stdin&gt;" not in done.stdout
+
+
+def test_rows_are_kept_beside_files_alone(tmp_path, watch):
+    calls = watch("obscurance.ao.execute.kept.Kept")
+    for output in (None, standard_output("ply"), tmp_path / "w.npy"):
+        kept_by(None, output)
+    assert [output for output, _ in calls] == [None, None, tmp_path / "w.npy"]
 
 
 FORMATS = {

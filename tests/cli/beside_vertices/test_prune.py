@@ -1,7 +1,5 @@
 """`obscurance prune`."""
 
-import pickle
-
 import numpy as np
 import pytest
 import trimesh
@@ -9,24 +7,12 @@ from command import obscurance, refused, succeeded
 from gltf_files import Builder, check_glb, values
 from mesh_files import obj
 
-from obscurance.ao.unseen import unseen_faces
 from obscurance.scenes.formats.load import load
 
 
-@pytest.fixture(scope="module", autouse=True)
-def traced_once():
-    """What nobody sees of a mesh is found once, whatever it is written to."""
-    found = {}
-
-    def unseen(mesh, seed, threads, progress):
-        key = pickle.dumps((mesh, seed))
-        if key not in found:
-            found[key] = unseen_faces(mesh, seed, threads, progress)
-        return found[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("obscurance.ao.unseen.unseen_faces", unseen)
-        yield
+@pytest.fixture(autouse=True)
+def few_rays(monkeypatch):
+    monkeypatch.setattr("obscurance.ao.unseen._ROUNDS", (16, 128))
 
 
 @pytest.fixture
@@ -170,6 +156,23 @@ def test_an_stl_is_refused_if_float32_moves_its_vertices(tmp_path):
         (tmp_path / f"{name}.obj").write_bytes(obj(vertices, box.faces))
         refused(obscurance("prune", tmp_path / f"{name}.obj", "-o", tmp_path / f"{name}.stl"), "vertices move by")
         assert not (tmp_path / f"{name}.stl").exists()
+
+
+def test_what_is_not_kept_is_told(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    quad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    (tmp_path / "plain.obj").write_text(quad + "f 1 2 3\nf 1 3 4\n")
+    (tmp_path / "full.obj").write_text(quad + "vt 0 0\ns 1\nf 1/1 2/1 3/1 4/1\ns 2\nf 1/7 2/1 3/1\nf 1 2\n")
+    notes = "warning: full.obj: 1 of 7 indices of vt", "warning: full.obj: 1 faces of fewer than three corners"
+    kept = "note: w.glb: not kept from full.obj: smoothing groups, polygons, which become triangles"
+    bare = "note: w.stl: not kept from full.obj: all but vertices and triangles, which only a .glb keeps"
+    for name, output, lines in (
+        ("full.obj", "w.glb", (*notes, kept)), ("full.obj", "w.stl", (*notes, bare)),
+        ("plain.obj", "w.glb", ()), ("plain.obj", "w.stl", ()),
+    ):  # fmt: skip
+        told = succeeded("prune", name, "-o", output, "--quiet").stderr
+        assert all(line in told for line in lines), told
+        assert told.count("\n") == len(lines)
 
 
 @pytest.fixture

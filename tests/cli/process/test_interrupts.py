@@ -49,8 +49,7 @@ cli.main()
 """
 
 
-@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("stuck", ["long_call", "lost"])
+@pytest.mark.parametrize(("stuck", "by"), [("long_call", signal.SIGTERM), ("lost", signal.SIGINT)])
 def test_a_signal_that_python_cannot_raise_ends_the_command_as_one_that_it_can(tmp_path, stuck, by):
     """While the output is written: rows are kept, and it is not whole."""
     mesh, target = tmp_path / "hills.ply", tmp_path / "w.npy"

@@ -16,8 +16,8 @@ from obscurance.scenes.library import BUILTIN
 
 DOCS = ROOT / "docs"
 ALLOWED = 0.003  # mean FLIP; a picture of another version of the renderer is .01 and more away
-PARTS = {"plane_wall": (160, 150), "cornell": (180, 200), "temple": (250, 180), "sponge": (270, 180)}
-WIDTH, HEIGHT = 128, 96
+PARTS = {"plane_wall": (192, 174), "cornell": (212, 224), "temple": (282, 204), "sponge": (302, 204)}
+WIDTH, HEIGHT = 64, 48
 
 
 def check_part(folder, name, x, y):
@@ -35,7 +35,7 @@ def check_part(folder, name, x, y):
 @pytest.mark.parametrize("name", BUILTIN)
 def test_the_gallery_shows_what_its_commands_make_without_a_compiler(tmp_path, monkeypatch, name):
     hide_compiler(monkeypatch)
-    check_part(tmp_path, name, *PARTS.get(name, (256, 152)))
+    check_part(tmp_path, name, *PARTS.get(name, (288, 176)))
 
 
 def test_the_page_of_the_gallery_is_current():

@@ -99,6 +99,22 @@ def _distances(p, corners):
     return np.where(inside, np.abs(height), nearest)
 
 
+@pytest.mark.parametrize("size", [1e-4, 0.5])
+@pytest.mark.parametrize("rise", [0.0, 1.0])
+def test_a_face_that_rises_from_a_vertex_on_its_edge_is_a_contact_however_small(size, rise):
+    floor = grid(2, 2.0)
+    beside = np.array([[-1, 0, 0], [1, 0, 0], [0, -0.5, rise]]) * size, np.array([[0, 2, 1]])
+    flags = ao.bake(Mesh(*join([floor, beside])), "binary", samples=1).flags
+    assert (flags[4] & ao.Flag.CONTACT > 0) == (rise > 0)
+
+
+def test_normals_of_a_surface_are_those_of_its_fronts():
+    vertices, faces = grid(1)
+    surface = Surface.of(vertices, faces.astype(np.int32), np.array([False, True]))
+    assert surface.normals(np.arange(2)).tolist() == [[0, 0, 1], [0, 0, -1]]
+    assert surface.reversed().normals(np.arange(2)).tolist() == [[0, 0, -1], [0, 0, 1]]
+
+
 def test_no_points_and_no_faces_have_no_contacts():
     nothing = np.zeros((0, 3))
     none = np.zeros((0, 3), np.int32)

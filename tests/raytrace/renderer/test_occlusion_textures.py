@@ -115,6 +115,8 @@ def test_without_them_w_of_the_vertices_is_all():
             lambda: Shape(MESH, Lambert(albedo=1), occlusion=Texture(Path("a.png"))),
             "occlusion: expected a raytrace.Occlusion",
         ),
+        (lambda: Shape(MESH, Lambert(albedo=1), uv=np.zeros((3, 2))), r"uv: expected .*\(4, 2\)"),
+        (lambda: Object(Shape(MESH, Lambert(albedo=1)), w=np.ones(3)), r"w: expected .*\(4,\)"),
     ],
 )
 def test_mistakes(make, expected):

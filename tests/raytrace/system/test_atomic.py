@@ -137,7 +137,10 @@ def test_a_folder_that_refuses_files():
 
 def test_checking_leaves_nothing_and_touches_nothing(tmp_path):
     target = tmp_path / "w.npy"
-    check_writable(target)
+    with open(os.devnull) as before:
+        check_writable(target)
+        with open(os.devnull) as after:
+            assert after.fileno() == before.fileno() + 1  # the lowest that is free: none is left open
     assert names(tmp_path) == []
     target.write_bytes(b"before")
     check_writable(target)

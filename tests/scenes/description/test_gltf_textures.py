@@ -89,11 +89,11 @@ def test_an_image_beside_the_file(tmp_path, name):
     assert description.files == (tmp_path / "scene.glb", tmp_path / name)
 
 
-@pytest.mark.parametrize("extension", ["KHR_texture_basisu", "EXT_texture_avif", "EXT_x"])
+@pytest.mark.parametrize("extension", ["KHR_texture_basisu", "EXT_texture_avif", "EXT_x", "none"])
 def test_a_picture_in_a_format_that_is_not_read_is_left_out_in_a_line(tmp_path, extension):
     builder = triangle()
     fields = textured(builder, {"uri": "a.png"})
-    fields["textures"] = [{"extensions": {extension: {"source": 0}}}]
+    fields["textures"] = [{"extensions": {extension: {"source": 0}}} if extension != "none" else {}]
     description = read(tmp_path, builder, [{"mesh": 0}], **fields)
     assert description.scene.objects[0].shape.texture is None
     line = f"textures[0]: expected a PNG, JPEG or WebP picture, got {extension}; the picture is left out"

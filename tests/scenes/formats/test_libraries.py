@@ -1,5 +1,6 @@
 """Formats that libraries read: COLLADA, and meshio's."""
 
+import re
 import subprocess
 import sys
 
@@ -10,7 +11,8 @@ from command import obscurance, refused
 from fuzz_seeds import DAE, MODEL, archive
 from mesh_files import obj
 
-from obscurance.scenes.formats.load import load
+from obscurance.raytrace.errors import MeshError
+from obscurance.scenes.formats.load import load, unit_of
 
 PLACES = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1]])
 
@@ -48,17 +50,25 @@ MORPH = b"""<library_controllers><controller id="c"><morph source="#g"><source i
 <input semantic="MORPH_WEIGHT" source="#w"/></targets></morph></controller></library_controllers>"""
 
 
-@pytest.mark.parametrize(("controller", "moved"), [(SKIN, 3), (MORPH, 0)], ids=["skin", "morph"])
-def test_collada_keeps_what_is_skinned_or_morphed(tmp_path, controller, moved):
-    """The first node shows the geometry by a controller, as stored; it comes after the plain ones."""
+BOTH = MORPH.replace(b'"c"', b'"m"') + SKIN.replace(b'"#g"', b'"#m"')
+CUT, NAMED = SKIN.replace(b"0 0</v>", b"9</v>"), MORPH.replace(b"IDREF_array", b"Name_array")
+
+
+@pytest.mark.parametrize(
+    ("controller", "moved", "said"),
+    [(SKIN, 3, 0), (MORPH, 0, 0), (BOTH, 3, 1), (CUT, 3, 1), (NAMED, 0, 1)],
+    ids=["skin", "morph", "skin of a morph", "malformed skin", "malformed morph"],
+)
+def test_collada_keeps_what_is_skinned_or_morphed(tmp_path, controller, moved, said):
+    """The first node shows the geometry by a controller, as stored, whatever is malformed in that."""
     shown = b'<instance_geometry url="#g"/></node>\n<node><node>'
     content = DAE.replace(b"<library_visual_scenes>", controller + b"<library_visual_scenes>")
     content = content.replace(shown, shown.replace(b"instance_geometry", b"instance_controller").replace(b"#g", b"#c"))
     (tmp_path / "m.dae").write_bytes(content)
     file = load(tmp_path / "m.dae")
     assert file.objects == ("roof", "roof")
-    assert file.notes == ()
-    expected = np.concatenate([2 * PLACES, PLACES + np.array([moved, 0, 2])])
+    assert len(file.notes) == said
+    expected = np.concatenate([PLACES + np.array([moved, 0, 2]), 2 * PLACES])
     np.testing.assert_array_equal(file.mesh.vertices, expected)
 
 
@@ -78,9 +88,29 @@ xmlns:s="http://schemas.microsoft.com/3dmanufacturing/slice/2015/07"><s:slice zt
 </s:slice></s:slicestack>"""
     for name, content in (("plain", MODEL), ("sliced", MODEL.replace(b"<resources>", b"<resources>" + slices))):
         (tmp_path / f"{name}.3mf").write_bytes(archive(**{"3D/3dmodel.model": content}))
-    plain, sliced = (load(tmp_path / f"{name}.3mf").mesh for name in ("plain", "sliced"))
-    np.testing.assert_array_equal(plain.vertices, sliced.vertices)
-    np.testing.assert_array_equal(plain.faces, sliced.faces)
+    plain, sliced = (load(tmp_path / f"{name}.3mf") for name in ("plain", "sliced"))
+    np.testing.assert_array_equal(plain.mesh.vertices, sliced.mesh.vertices)
+    np.testing.assert_array_equal(plain.mesh.faces, sliced.mesh.faces)
+    assert plain.notes == ()
+    assert sliced.notes == (f"{tmp_path / 'sliced.3mf'}: what the 3MF extension slice adds is not read",)
+
+
+def test_the_root_model_of_3mf_is_what_relations_say(tmp_path):
+    kind = "http://schemas.microsoft.com/3dmanufacturing/2013/01/"
+    links = f'<Relationship Target="/3D/3dmodel.model" Id="a" Type="{kind}thumbnail"/>'
+    links += f'<Relationship Target="/3D/Other.custom" Id="b" Type="{kind}3dmodel"/>'
+    relations = f"<Relationships xmlns='urn:r'>{links}</Relationships>".encode()
+    unbuilt = re.sub(b"<build>.*</build>", b"<build/>", MODEL.replace(b"millimeter", b"inch"), flags=re.DOTALL)
+    members = {"_rels/.rels": relations, "3D/3dmodel.model": unbuilt, "3D/Other.custom": MODEL}
+    path = tmp_path / "m.3mf"
+    path.write_bytes(archive(**members))
+    assert len(load(path).mesh.faces)
+    assert unit_of(path) == 0.001
+    path.write_bytes(archive(**{**members, "_rels/.rels": relations.replace(b"Other", b"Gone")}))
+    assert unit_of(path) == 0.0254
+    path.write_bytes(archive(**{"a.txt": b"x"}))
+    with pytest.raises(MeshError, match="complete and valid 3MF file, got no model"):
+        load(path)
 
 
 def test_a_gmsh_file_is_read_without_a_word(tmp_path):

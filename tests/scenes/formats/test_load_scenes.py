@@ -76,18 +76,21 @@ def test_points_and_lines_beside_a_mesh_are_left_out(tmp_path):
     assert [part.name for part in file.parts] == ["mixed[2]"]
 
 
-def test_strips_unindexed_triangles_and_stored_integers(tmp_path):
+def test_strips_fans_unindexed_triangles_and_stored_integers(tmp_path):
     builder = Builder()
     unsigned = np.array([[0, 0, 0, 0], [65535, 0, 0, 0], [0, 65535, 0, 0]], dtype="<u2")
     packed = builder.accessor(unsigned, "VEC3", normalized=True)
     builder.header["bufferViews"][-1]["byteStride"] = 8
     builder.mesh(
-        builder.primitive(QUAD[[0, 1, 3, 2]], mode=5), builder.primitive(TRIANGLE), {"attributes": {"POSITION": packed}}
-    )
+        builder.primitive(QUAD[[0, 1, 3, 2]], mode=5), builder.primitive(TRIANGLE),
+        {"attributes": {"POSITION": packed}},
+        builder.primitive(QUAD, [[3, 0, 1, 2]], mode=6),
+    )  # fmt: skip
     file = read(tmp_path, "m.glb", builder.glb([{"mesh": 0}]))
     a, b, c = (file.mesh.vertices[file.mesh.faces[:, corner]] for corner in range(3))
-    np.testing.assert_allclose(np.cross(b - a, c - a), [[0, 0, 1]] * 4)
-    np.testing.assert_allclose(file.mesh.vertices[7:], TRIANGLE)
+    np.testing.assert_allclose(np.cross(b - a, c - a), [[0, 0, 1]] * 6)
+    np.testing.assert_allclose(file.mesh.vertices[7:10], TRIANGLE)
+    assert file.mesh.faces[4:].tolist() == [[13, 10, 11], [13, 11, 12]]
 
 
 def test_only_the_default_scene_is_read(tmp_path):

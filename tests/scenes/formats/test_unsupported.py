@@ -39,6 +39,26 @@ def test_polygons_that_cross_themselves_are_reported(tmp_path):
     assert "bow.obj: 1 polygon crosses itself" in bake(tmp_path, "bow.obj", "w.npy")
 
 
+@pytest.mark.parametrize("name", ["m.off", "m.ply"])
+def test_faces_of_two_corners_are_reported_and_kept(tmp_path, name):
+    rows = "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n2 1 2\n"
+    head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    head += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / name).write_text((head if name == "m.ply" else "OFF\n3 2 0\n") + rows)
+    assert "1 faces of fewer than three corners are no triangles" in bake(tmp_path, name, "w.obj")
+    assert read(tmp_path, "w.obj", (tmp_path / "w.obj").read_bytes()).sizes.tolist() == [3, 2]
+
+
+def test_lines_of_a_gltf_are_reported_where_they_are_lost(tmp_path):
+    builder = Builder()
+    builder.mesh(builder.primitive(QUAD, HALVES), builder.primitive(QUAD, mode=2))
+    (tmp_path / "m.glb").write_bytes(builder.glb([{"mesh": 0}]))
+    assert "w.ply: not kept from m.glb: points and lines" in bake(tmp_path, "m.glb", "w.ply").replace(
+        f"{tmp_path}/", ""
+    )
+    assert "lines" not in bake(tmp_path, "m.glb", "w.glb")
+
+
 def test_colours_of_an_off_file_are_reported(tmp_path):
     file = read(tmp_path, "m.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n")
     assert "colours" in unsupported_features(tmp_path / "w.ply", file)[0]

@@ -46,7 +46,7 @@ def test_a_bake_to_a_tolerance_matches_the_closed_form(line: Configuration) -> N
     assert np.sqrt(np.mean(error**2)) <= 2 * 0.002 + line.truncation + line.tessellation
 
 
-@pytest.mark.parametrize("samples", [1, 3, 100])
+@pytest.mark.parametrize("samples", [1, 100])
 def test_what_is_allowed_goes_by_the_number_of_rays(samples: int) -> None:
     with only_w():
         found = validation.run_validation(samples=samples, lines=prepared(LINES))
@@ -124,9 +124,10 @@ def test_polygons_show_no_bias(samples: int) -> None:
     assert np.mean(np.square(scores)) < 2.2
 
 
-def test_nan_is_a_failure() -> None:
+@pytest.mark.parametrize("wrong", [nan, 0.0])
+def test_a_single_wrong_point_is_a_failure(wrong: float) -> None:
     line = LINES[0]
-    measured = np.where(np.arange(len(line.points)) == 3, nan, line.exact)
+    measured = np.where(np.arange(len(line.points)) == 3, wrong, line.exact)
     assert not validation.compare(line, measured).ok
 
 

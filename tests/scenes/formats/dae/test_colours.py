@@ -57,7 +57,8 @@ def painted():
     text = MODEL.decode().replace(
         "<resources>",
         '<resources><basematerials id="7"><base name="red" displaycolor="#FF0000"/></basematerials>'
-        '<m:colorgroup xmlns:m="m" id="8"><m:color color="#00FF00"/><m:color color="#0000FF80"/></m:colorgroup>',
+        '<m:colorgroup xmlns:m="http://schemas.microsoft.com/3dmanufacturing/material/2015/02" id="8">'
+        '<m:color color="#00FF00"/><m:color color="#0000FF80"/></m:colorgroup>',
     )
     text = text.replace('<object id="1"', '<object id="1" pid="7" pindex="0"')
     return text.replace('v1="0" v2="1" v3="3"', 'v1="0" v2="1" v3="3" pid="8" p1="1"').encode()

@@ -1,7 +1,9 @@
 """What is kept of COLLADA, 3MF and STL besides triangles, and what outputs say that they cannot hold."""
 
+import re
+
 import numpy as np
-from command import succeeded
+from command import obscurance, refused, succeeded
 from fuzz_seeds import DAE, FACES, MODEL, VERTICES, archive
 from mesh_files import stl
 
@@ -62,3 +64,33 @@ def test_what_outputs_cannot_hold_is_told(tmp_path):
     packed[84 + 48] = 0
     (tmp_path / "m.stl").write_bytes(bytes(packed))
     assert not load(tmp_path / "m.stl").unread
+
+
+def test_geometry_stays_whose_material_scene_or_camera_is_not_there(tmp_path):
+    bound = """<instance_geometry url="#g"><bind_material><technique_common><instance_material symbol="red"
+        target="#gone"/></technique_common></bind_material></instance_geometry>"""
+    text = (
+        DAE.decode()
+        .replace('<instance_geometry url="#g"/>', bound, 1)
+        .replace("<triangles", '<triangles material="red"')
+    )
+    scenes = "<library_visual_scenes>"
+    library = text.replace(bound, '<instance_node url="#n"/>').replace(
+        scenes, f'<library_nodes><node id="n">{bound}</node></library_nodes>{scenes}'
+    )
+    for content, line in (
+        (text, "Material #gone not found"),
+        (library, "Material #gone not found"),
+        (
+            DAE.decode().replace("</node>", '<instance_camera url="#gone"/></node>', 1),
+            "Camera #gone not found in library",
+        ),
+        (re.sub("<scene>.*</scene>", "", DAE.decode()), ""),
+    ):
+        (tmp_path / "m.dae").write_text(content)
+        file = load(tmp_path / "m.dae")
+        assert len(file.mesh.faces) == 8
+        assert bool(line) == bool(file.notes)
+        assert all(line in note for note in file.notes)
+    (tmp_path / "m.dae").write_text(DAE.decode().replace('"#g"', '"#gone"'))
+    refused(obscurance("info", tmp_path / "m.dae"), "none, and 0 points; 2 parts of the document are malformed")

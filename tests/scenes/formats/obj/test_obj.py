@@ -73,9 +73,9 @@ def test_obj_normals_are_of_corners_where_vertices_have_several_or_corners_none(
         ("f -8 -2 -1", "got 0"),
         ("f -1 -2 -99", "got -91"),
         ("f 1 2", "at least one triangle, got none, and 7 points"),
-        ("f a b c", "unmatched data"),
+        ("f a b c", "got corners of faces that are no numbers"),
         ("v 1 2\nf 1 2 3", "three coordinates"),
-        ("v 1 2 oops\nf 1 2 3", "unmatched data"),
+        ("v 1 2 oops\nf 1 2 3", "got oops in line 9, which is no number"),
         ("v nan 0 0\nf 1 2 3", "finite coordinates"),
         ("f 1 2 99999999999999999999999", "indices from 1 to 7"),
         ("l 1 2", "at least one triangle, got none, and 7 points"),
@@ -85,13 +85,14 @@ def test_obj_mistakes(tmp_path, text, expected):
     assert expected in mistake(tmp_path, "m.obj", obj_with(text, "vn 0 0 1"))
 
 
-def test_faces_of_two_corners_are_left_out_in_a_line_and_names_stay_with_their_faces(tmp_path):
+def test_faces_of_two_corners_are_told_and_names_stay_with_their_faces(tmp_path):
     text = "usemtl a\nf 1 2\nf 1 2 3\nf\nusemtl b\nf 7\nf 1 3 4\nf 2 3\nusemtl c\nf 5 6 7 4"
     (tmp_path / "m.obj").write_bytes(obj_with(text))
     file = load(tmp_path / "m.obj", "m.glb")
-    assert file.notes == (f"{tmp_path / 'm.obj'}: 4 faces of fewer than three corners are left out",)
-    assert file.sizes.tolist() == [3, 3, 4]
-    assert [file.materials[number].name for number in file.primitives[0].material] == ["a", "b", "c"]
+    assert file.notes == (f"{tmp_path / 'm.obj'}: 4 faces of fewer than three corners are no triangles",)
+    assert len(file.mesh.faces) == 4
+    names = [file.materials[number].name for number in file.primitives[0].material]
+    assert [name for name, size in zip(names, file.sizes, strict=True) if size > 2] == ["a", "b", "c"]
 
 
 VT = ["vt 0 0", "vt 1", "vt .25 x", "vt nan 1", "vt", "vt .5 .75"]
@@ -116,3 +117,12 @@ def test_corners_without_normals_that_can_be_used_have_those_of_faces(tmp_path, 
     file = load(tmp_path / "m.obj")
     np.testing.assert_array_equal(file.mesh.normals[:3], [[0, 0, 1], [0, 0, 1], [np.nan] * 3])
     assert "1 of 3 normals at corners are missing, zero, not finite" in file.notes[-1]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_marks_of_encodings_are_heeded(tmp_path, encoding):
+    text = obj_with("usemtl é\nf 1 2 3").decode().encode(encoding)
+    (tmp_path / "m.obj").write_bytes(text)
+    file = load(tmp_path / "m.obj", "m.glb")
+    assert file.mesh.faces.tolist() == [[0, 1, 2]]
+    assert [material.name for material in file.materials] == ["é"]

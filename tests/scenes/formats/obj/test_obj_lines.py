@@ -22,8 +22,8 @@ def numbers(lines, needed):
     """All numbers where all lines have equally many, else the first ones of the lines that have enough."""
     alike = lines and len(lines[0]) >= needed and len(set(map(len, lines))) == 1
     rows = [line[: None if alike else needed] for line in lines if len(line) >= needed]
-    if any(not NUMBER.fullmatch(word) for row in rows for word in row):
-        raise ValueError("unmatched data")
+    for wrong in (word for row in rows for word in row if not NUMBER.fullmatch(word)):
+        raise ValueError(f"{wrong.decode('utf-8', 'replace')}, which is no number")
     nan = re.compile(rb"\(.*")
     return np.array([[float(nan.sub(b"", word)) for word in row] for row in rows]).reshape(
         len(rows), -1 if rows else needed
@@ -63,9 +63,8 @@ def plain(data):
         elif keyword != b"f":
             lines[keyword].append(words)
         else:
-            if len(words) >= 3:
-                sizes.append(len(words))
-                materials.append(material)
+            sizes.append(len(words))
+            materials.append(material)
             for word in words:
                 parts = word.split(b"/")
                 unmatched |= any(part and not INDEX.fullmatch(part) for part in parts)
@@ -73,12 +72,12 @@ def plain(data):
                     large = [max(min(int(part), 2**63 - 1), 1 - 2**63) if part else NONE for part in parts]
                     seen = [len(each) for each in lines.values()]
                     absolute = [i + n + 1 if i < 0 else i for i, n in zip((large + [NONE] * 2)[:3], seen, strict=True)]
-                    corners += [absolute] * (len(words) >= 3)
+                    corners.append(absolute)
     vertices = numbers(lines[b"v"], 3)
     if short := sum(len(words) < 3 for words in lines[b"v"]):
         raise MeshError("m", "v", "three coordinates on every line", f"fewer on {short} of them")
     if unmatched:
-        raise ValueError("unmatched data")
+        raise ValueError("corners of faces that are no numbers")
     v, vt, vn = np.array(corners, object).reshape(-1, 3).T.tolist()
     if outside := [index for index in v if not 1 <= index <= len(vertices)]:
         raise MeshError("m", "f", f"v indices from 1 to {len(vertices)}", outside[0])
@@ -104,7 +103,7 @@ def outcome(read, data):
     except MeshError as reason:
         return str(reason)
     except ValueError as reason:
-        return str(reason).rpartition("due to ")[2]
+        return re.sub(r" in line [\d,]+,", ",", str(reason))
 
     def frozen(value):
         if isinstance(value, np.ndarray):

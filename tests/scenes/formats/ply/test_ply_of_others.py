@@ -128,3 +128,23 @@ def test_meshlab_gets_polygons_where_it_opens_them(tmp_path):
     done = obscurance("bake", tmp_path / "q.obj", "-o", tmp_path / "w.ply", "--samples", 1, "--preset", "meshlab")
     assert done.stderr == ""
     assert load(tmp_path / "w.ply", "k.ply").sizes.tolist() == [4]
+
+
+@pytest.mark.parametrize("kind", ["uchar uint", "uchar ushort", "uchar uchar", "ushort int", "uint int"])
+def test_meshlab_gets_indices_that_it_opens(tmp_path, kind):
+    """MeshLab says "Bad vertex index in face" of these."""
+    (tmp_path / "q.ply").write_text(QUADS.replace("uchar int vertex_indices", f"{kind} vertex_index"))
+    for preset, declared in ((), f"{kind} vertex_index\n"), (("--preset", "meshlab"), "uchar int vertex_indices\n"):
+        succeeded("bake", tmp_path / "q.ply", "-o", tmp_path / "w.ply", "--samples", 1, *preset)
+        assert f"property list {declared}".encode() in (tmp_path / "w.ply").read_bytes()
+        assert load(tmp_path / "w.ply").mesh.faces.tolist() == load(tmp_path / "q.ply").mesh.faces.tolist()
+
+
+def test_meshlab_gets_triangles_of_polygons_of_many_corners(tmp_path):
+    """Of a polygon of 256 corners MeshLab shows one triangle."""
+    for corners, sizes in ((255, [255]), (256, [3] * 254)):
+        angles = 2 * np.pi * np.arange(corners) / corners
+        rows = [f"v {x!r} {y!r} 0" for x, y in zip(np.cos(angles).tolist(), np.sin(angles).tolist(), strict=True)]
+        (tmp_path / "q.obj").write_text("\n".join([*rows, " ".join(map(str, ["f", *range(1, corners + 1)]))]))
+        succeeded("bake", tmp_path / "q.obj", "-o", tmp_path / "w.ply", "--samples", 1, "--preset", "meshlab")
+        assert load(tmp_path / "w.ply").sizes.tolist() == sizes

@@ -1,6 +1,7 @@
 """Sky-view factors of terrain against closed forms, and what rasters keep."""
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -166,6 +167,7 @@ STORED = {
     "a vertical system": (3937 / 1200, "float32", {"crs": "EPSG:32632+6360"}, "heights are in US survey foot"),
     "decimetres": (10, "int16", {"scales": (0.1,)}, ""),
     "an offset": (100, "int16", {"scales": (0.01,), "offsets": (500.0,)}, ""),
+    "kilometres": (0.001, "float64", {"units": ("km",)}, "heights are in km and taken to metres"),
     "a unit unknown": (1, "float32", {"units": ("hPa",)}, "heights are in hPa, which is taken for metres"),
     "no system": (1, "float32", {"crs": None}, "it names no reference system: cells are taken for metres"),
 }  # fmt: skip
@@ -177,7 +179,7 @@ def test_heights_are_those_that_a_file_stands_for(tmp_path, name):
     heights = np.round(valley(41, lambda x: x * np.tan(BETA)), 2)
     write(tmp_path / "metres.tif", heights)
     system = facts.get("crs", "EPSG:32632")
-    write(tmp_path / "stored.tif", np.round(factor * heights, 3), dtype=dtype, crs=system)
+    write(tmp_path / "stored.tif", np.round(factor * heights, 5), dtype=dtype, crs=system)
     with rasterio.open(tmp_path / "stored.tif", "r+") as file:
         for fact in facts.keys() - {"crs"}:
             setattr(file, fact, facts[fact])
@@ -190,7 +192,10 @@ def test_heights_are_those_that_a_file_stands_for(tmp_path, name):
     assert done.stderr.count("\n") == bool(said) + ("between the vertices" in done.stderr)
 
 
-@pytest.mark.parametrize(("dtype", "void"), [("int16", -32768), ("float32", -3.4028235e38), ("float32", 3.4e38)])
+VOIDS = [("int16", -32768), ("float32", -3.4028235e38), ("float32", 3.4e38), ("int16", -9999), ("float64", -9999)]
+
+
+@pytest.mark.parametrize(("dtype", "void"), VOIDS)
 def test_voids_that_no_tag_names_are_gaps(tmp_path, dtype, void):
     heights = np.arange(30.0).reshape(5, 6)
     heights[2, 3] = void
@@ -200,6 +205,33 @@ def test_voids_that_no_tag_names_are_gaps(tmp_path, dtype, void):
     assert "which no tag names, are taken for gaps" in done.stderr
     with rasterio.open(tmp_path / "sky.tif") as file:
         np.testing.assert_array_equal(file.read(1) == NOWHERE, heights == void)
+
+
+def test_the_sea_may_be_as_deep_as_a_void(tmp_path):
+    heights = -9999.0 + np.abs(np.arange(30.0).reshape(5, 6) - 12)
+    write(tmp_path / "trench.tif", heights, dtype="int16", nodata=None)
+    assert scenes.load(tmp_path / "trench.tif").mesh.vertices[:, 2].min() == -9999
+
+
+def test_an_ascii_grid_has_the_system_beside_it(tmp_path):
+    """Else feet and degrees would be taken for metres."""
+    (tmp_path / "g.asc").write_text("ncols 4\nnrows 3\nxllcorner 0\nyllcorner 0\ncellsize 3\n" + "1 4 2 8\n" * 3)
+    beside = tmp_path / "g.prj"
+    metres = scenes.load(tmp_path / "g.asc")
+    (unnamed,) = metres.notes
+    assert unnamed.endswith("g.asc: it names no reference system: cells are taken for metres")
+    beside.write_text(rasterio.crs.CRS.from_epsg(2263).to_wkt(version="WKT1_ESRI"))
+    feet = scenes.load(tmp_path / "g.asc")
+    (told,) = feet.notes
+    assert told.endswith("cells are in US survey foot, heights, of which no unit is named, are taken for metres")
+    np.testing.assert_allclose(feet.mesh.vertices, metres.mesh.vertices * [1200 / 3937, 1200 / 3937, 1])
+    succeeded("bake", tmp_path / "g.asc", "-o", tmp_path / "sky.tif", "--samples", 8)
+    with rasterio.open(tmp_path / "sky.tif") as file:
+        assert file.crs.linear_units == "US survey foot"
+    beside.write_text(rasterio.crs.CRS.from_epsg(4326).to_wkt())
+    refused(obscurance("info", tmp_path / "g.asc"), "g.asc: reference system", "degrees, EPSG:4326")
+    beside.write_text("Projection UTM\nZone 32\n")  # of ArcInfo's own
+    assert scenes.load(tmp_path / "g.asc").notes == (unnamed,)
 
 
 def test_of_several_bands_one_is_asked_for_and_alpha_is_none(tmp_path):
@@ -318,6 +350,11 @@ def test_what_is_refused(tmp_path):
     refused(obscurance("bake", tmp_path / "degrees.tif", "-o", tmp_path / "w.tif"), "degrees", "gdalwarp")
     write(tmp_path / "empty.tif", np.full((4, 4), NOWHERE))
     refused(obscurance("bake", tmp_path / "empty.tif", "-o", tmp_path / "w.tif"), "cells", "none")
+    (tmp_path / "cut.asc").write_text("ncols 4\nnrows 3\nxllcorner 0\nyllcorner 0\ncellsize 3\n1 2 3 4\n")
+    said = "cut.asc: file: expected a readable file", "File short, can't read line 1"
+    done = obscurance("bake", tmp_path / "cut.asc", "-o", tmp_path / "w.tif")
+    refused(done, *said)
+    assert not re.search("[0-9a-f]{8}-[0-9a-f]{4}", done.stderr)  # GDAL's name of the content
     (tmp_path / "text.tif").write_text("no raster")
     refused(obscurance("bake", tmp_path / "text.tif", "-o", tmp_path / "w.tif"), "a raster of heights")
     assert not (tmp_path / "w.tif").exists()
@@ -375,6 +412,8 @@ def test_a_result_is_looked_at_on_its_terrain(hilly):
     write(Path("other.tif"), hilly[1:])
     refused(obscurance("view", "sky.tif", "--mesh", "other.tif"), "sky.tif: w: expected 1,169 values", "got 1,199")
     assert "there is no w in it; it was baked" in obscurance("view", "dem.tif").stderr
+    for line in ("info", "sky.tif"), ("bake", "sky.tif", "-o", "w.npy"), ("render", "sky.tif", "-o", "w.png"):
+        refused(obscurance(*line), "sky.tif: bands: expected heights", "got those of a bake")
 
 
 def test_a_picture_takes_the_result_and_is_not_white(hilly):
