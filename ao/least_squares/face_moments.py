@@ -12,19 +12,22 @@ from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.kernel.vector import add, divide, dot, length, load, scale, store, subtract
 from obscurance.raytrace.mesh.placement import ULP
 from obscurance.raytrace.ray_origins.origins import OFFSET_ULPS
+from obscurance.raytrace.sampling import hash32
 from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64Rows, Float64s, Int64Rows, Int64s
 
 from ..points.points import PointArrays
 from ..points.smooth_surface import leaning
 from ..rays.below_face import shares_below
-from ..rays.directions import Lobe, number_in_run
-from ..rays.gather import BEHIND, BELOW, BENT, W
+from ..rays.directions import BATCHES, Lobe, number_in_run
+from ..rays.gather import BATCH_VARIANCE, BEHIND, BELOW, BENT, W
 
 MATRIX, OPEN, FALLOFF = 6, 12, 21  # columns: of each half of the samples, of all, and where those by falloffs begin
 SQUARES, RIGHT, HALF = 0, 1, 4  # of these, for each half
+NOISE, EACH = 2 * HALF, 2 * HALF + 3  # behind both halves, and columns by a falloff
 TRACED, BELOW_FACE, SEEN = 0, 1, 2
 
 _MOSTLY = 0.5
+_OF_PARTS = BATCHES**1.5 - 1  # by how much the variance between parts of a lattice exceeds that of the whole
 _ODD = np.uint32(1 << 31)
 _GOLDEN = 0.6180339887498949
 _EVEN = 0.2  # a fifth more samples, the same number for every face, so that small faces have some
@@ -65,7 +68,7 @@ class Faces(NamedTuple):
 
 def columns(falloffs: int) -> int:
     """Columns of the moments by so many falloffs; see `add_moments`."""
-    return FALLOFF + 2 * HALF * falloffs
+    return FALLOFF + EACH * falloffs
 
 
 @inline
@@ -152,7 +155,8 @@ def add_moments(
             than half of whose rays end on backs of faces.
         moments: (m, columns), added to: for the even and for the odd samples the upper triangle of Σ b bᵀ, b being
             barycentric coordinates; Σ b · (mean of μ·direction) by the first falloff, axis by axis; then for each
-            falloff, for the even and for the odd samples, Σ y² and Σ b y of y = 1 − w; all weighted by area.
+            falloff, for the even and for the odd samples, Σ y² and Σ b y of y = 1 − w; and for all Σ ±b σ, σ the
+            standard error of y by its rays, of a random sign; all weighted by area.
         counts: (m, 3), added to: rays traced, rays left out below the face, samples that are not hidden.
     """
     rays, lobe = directions
@@ -170,6 +174,7 @@ def add_moments(
         counts[f, SEEN] += not hidden
         # Rays below the face are left out, or closed.
         closed, standing = shares_below(cosines[i, 0], cosines[i, 1], 1.0, lobe)
+        sign = 1.0 if hash32(np.uint32(k)) & np.uint32(1) else -1.0
         entry = (k & 1) * MATRIX
         for p in range(3):
             for q in range(p, 3):
@@ -179,7 +184,10 @@ def add_moments(
                 moments[f, OPEN + 3 * q + p] += weight * b[p] * gathered[i, 0, BENT + q] / standing
         for c in range(gathered.shape[1]):
             y = max(closed + 1.0 - gathered[i, c, W] - below / rays, 0.0) / standing
-            entry = FALLOFF + HALF * (2 * c + (k & 1))
+            column = FALLOFF + EACH * c
+            noise = weight * sign * np.sqrt(gathered[i, c, BATCH_VARIANCE] / _OF_PARTS) / standing
+            entry = column + HALF * (k & 1)
             moments[f, entry + SQUARES] += weight * y * y
             for p in range(3):
                 moments[f, entry + RIGHT + p] += weight * b[p] * y
+                moments[f, column + NOISE + p] += b[p] * noise

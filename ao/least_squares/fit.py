@@ -15,7 +15,7 @@ from obscurance.raytrace.mesh.weld import CREASE
 from obscurance.raytrace.types import Float64s, Int64s
 
 from .conjugate_gradients import COARSE, dot, multiply, solve, solve_within
-from .face_moments import FALLOFF, HALF, MATRIX, OPEN, RIGHT, SQUARES
+from .face_moments import EACH, FALLOFF, HALF, MATRIX, NOISE, OPEN, RIGHT, SQUARES
 from .patch import Patch
 from .pattern import Stencil, add_faces, add_jumps, add_laplacian, find_hinges, right_side
 
@@ -26,6 +26,7 @@ _LAPLACIAN_WEIGHT = 1e-7
 _RELAXED = 1 / 16
 _STEP = 4.0
 _NEAR = 2e-5  # of the values fitted to either half, in the mean
+_PLACES = 3.0  # times as much as all places err do halves of them differ, as variances fall as the square of places
 _BENT = 1e-5  # of bent normals: where R outweighs the data, residuals of linear functions are small
 _SMOOTHEST, _ROUGHEST = 4, -10
 _RUNS, _RUN = 32, 1 << 13  # stretches of faces in Morton order, and faces in each, that stand for all of many more
@@ -45,6 +46,7 @@ class Problem:
 
     stencil: Stencil  # of all matrices
     halves: tuple[NormalEquations, NormalEquations]  # of the samples, independent
+    noise: Float64s  # (n,), a right side as random as the rays of all samples make it
     smoothness: Float64s  # (z,), of R
     laplacian: Float64s  # (m,), weights of the faces in `add_laplacian`
     areas: Float64s  # (n,), the share of the surface around each unknown
@@ -65,8 +67,11 @@ class Problem:
 
     def residual(self, half: NormalEquations, x: Float64s) -> float:
         """Sum of squared residuals of `x` (n,) at one half of the samples."""
-        image = multiply(self.stencil.matrix(half.values), x, self.threads)
-        return dot(x, image) - 2 * dot(x, half.right) + half.squares
+        return half.squares - dot(x, half.right) - dot(x, self.pull(half, x))
+
+    def pull(self, half: NormalEquations, x: Float64s) -> Float64s:
+        """Half of how fast (n,) the squared residuals of `x` at one half of the samples fall with each value."""
+        return half.right - multiply(self.stencil.matrix(half.values), x, self.threads)
 
 
 class Fit(NamedTuple):
@@ -107,29 +112,27 @@ def fit_values(problems: list[Problem], trial: Problem, cached: Cached) -> Fit:
     error = np.empty_like(w)
     bent = np.zeros((3, len(area)))
 
-    def fit_halves(problem: Problem) -> Float64s:
-        """The fits (n,) to both halves of the samples, one after the other."""
-        return np.concatenate([problem.fit(half, alpha, _constant_fit(problem)) for half in problem.halves])
-
     alpha = float(cached("alpha", lambda: np.array([cross_validated(trial, _constant_fit(trial))[0]]))[0])
     for column, problem in enumerate(problems):
-        # The fits to either half of the samples: their difference measures the noise of the fit to both.
-        of_even, of_odd = np.split(cached(f"halves {column}", partial(fit_halves, problem)), 2)
-        squared = (np.clip(of_even, 0, 1) - np.clip(of_odd, 0, 1)) ** 2 / 4
-        variance = _local_mean(problem.stencil, data, squared, area, threads)
-
-        # The fit to all samples.
+        # The fit to all samples, begun at that to half of them.
         even, odd = problem.halves
+        half = cached(f"half {column}", partial(problem.fit, even, alpha, _constant_fit(problem)))
         right = even.right + odd.right
         matrix = problem.system(data, alpha)
-        start = (of_even + of_odd) / 2
-        closed = cached(f"closed {column}", partial(solve_within, matrix, right, start, threads=threads))
+        closed = cached(f"closed {column}", partial(solve_within, matrix, right, half, threads=threads))
+        # How far it moves if the halves pull it as they do, but to opposite sides; and by as much as rays scatter.
+        pull = problem.pull(even, closed) - problem.pull(odd, closed)
+        roughly = partial(solve, matrix, start=np.zeros(len(area)), near=_NEAR, threads=threads, mean=True)
+        apart = cached(f"apart {column}", partial(roughly, pull))
+        by_rays = cached(f"by rays {column}", partial(roughly, problem.noise))
+        mean = partial(_local_mean, problem.stencil, data, area, threads)
+        variance = _variance(*(mean(_squared(closed, step)) for step in (half - closed, apart, by_rays)))
         if column == 0:
             for axis, side in enumerate(problem.bent):
                 bent[axis] = cached(f"bent {axis}", partial(solve, matrix, side, bent[axis], None, _BENT, threads))
 
         # With less regularisation: how far it moves values counts as their bias.
-        del matrix  # to make room for the next
+        del matrix, roughly  # to make room for the next
         matrix = problem.system(data, alpha * _RELAXED)
         relaxed = cached(f"relaxed {column}", partial(solve_within, matrix, right, closed, COARSE, threads))
         w[:, column] = 1 - closed
@@ -161,12 +164,14 @@ def _build_problems(patch: Patch, moments: Float64s, laplacian: Float64s, thread
     weights = shares / max(float(shares.sum()), 1e-300)
     areas = np.bincount(face_points.ravel(), weights=weights, minlength=count).astype(np.float64, copy=False)
     problems = []
-    for falloff in range(FALLOFF, moments.shape[1], 2 * HALF):
+    for falloff in range(FALLOFF, moments.shape[1], EACH):
         halves = [
             NormalEquations(matrix, right_side(stencil, half[:, RIGHT:HALF]), float(half[:, SQUARES].sum()))
             for matrix, half in zip(matrices, (moments[:, falloff:], moments[:, falloff + HALF :]), strict=True)
         ]
-        problems.append(Problem(stencil, (halves[0], halves[1]), smoothness, laplacian, areas, bent, threads, number))
+        noise = right_side(stencil, moments[:, falloff + NOISE : falloff + EACH])
+        both = halves[0], halves[1]
+        problems.append(Problem(stencil, both, noise, smoothness, laplacian, areas, bent, threads, number))
     return problems
 
 
@@ -176,12 +181,28 @@ def _constant_fit(problem: Problem) -> Float64s:
     return np.full(problem.bent.shape[1], right / max(sum(half.values.sum() for half in problem.halves), 1e-300))
 
 
-def _local_mean(stencil: Stencil, data: Float64s, values: Float64s, area: Float64s, threads: int) -> Float64s:
+def _squared(x: Float64s, step: Float64s) -> Float64s:
+    """Half the squared way (k,) from x − step to x + step, both within [0, 1]."""
+    return (np.clip(x + step, 0, 1) - np.clip(x - step, 0, 1)) ** 2 / 4
+
+
+def _variance(half: Float64s, apart: Float64s, by_rays: Float64s) -> Float64s:
+    """The variance (k,) of a fit from the squares of three differences; see `fit_values`.
+
+    Of few samples a half errs by up to 2.4 times too much, while residuals, which `apart` is of, are as much too small:
+    so it is a weighted geometric mean. By places two halves differ more than all err, for places are the more even, the
+    more there are; rays of the halves are independent.
+    """
+    both = np.cbrt(half**2 * apart)
+    return np.minimum(both, by_rays) + np.maximum(both - by_rays, 0.0) / _PLACES
+
+
+def _local_mean(stencil: Stencil, data: Float64s, area: Float64s, threads: int, values: Float64s) -> Float64s:
     """Means of `values` (k,) over each vertex, of an `area` (k,), and its neighbours, shrunk towards that of all by a
     tenth."""
     sums = multiply(stencil.matrix(data), values, threads)
     local = np.where(area > 0, sums / np.where(area > 0, area, 1.0), values)
-    return 0.9 * local + 0.1 * float(values[area > 0].mean() if area.any() else 0.0)
+    return 0.9 * local + 0.1 * dot(area, values) / max(float(area.sum()), 1e-300)
 
 
 def cross_validated(problem: Problem, start: Float64s) -> tuple[float, list[Float64s]]:

@@ -194,6 +194,7 @@ class Gathered(NamedTuple):
     moments: Float64s
     counts: Int64s
     hidden: Bools  # (n,), unknowns of faces that have samples, all of which are hidden
+    buried: Bools  # (n,), those around which nothing is in sight, though something is that edges lead to
 
 
 def gather_moments(prepared: Prepared, patch: Patch, total: int) -> Gathered:
@@ -213,7 +214,7 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> Gathered:
     hemispheres = Hemispheres(Points.empty(0), rays, prepared.key, count, mu, placement.diagonal, RUN, True)
     if not len(patch.face_points):
         nothing = np.zeros(patch.unknowns, np.bool_)
-        return Gathered(np.zeros((0, columns(*mu.shape))), np.zeros((0, 3), np.int64), nothing)
+        return Gathered(np.zeros((0, columns(*mu.shape))), np.zeros((0, 3), np.int64), nothing, nothing)
     shift = float(np.ldexp(hash32_array([prepared.key])[0], -32))
     faces = Faces(patch.corners, patch.normals, patch.axes, patch.smooth)
     samples = Samples.spread(patch.areas * patch.cover, count, shift)
@@ -235,7 +236,10 @@ def gather_moments(prepared: Prepared, patch: Patch, total: int) -> Gathered:
     seen[patch.face_points[counts[:, SEEN] > 0]] = True
     unseen = ~seen[patch.face_points].any(axis=1)
     moments[unseen] /= hidden_weight
+    part = connected_components(patch.face_points.astype(np.int64), patch.unknowns)
+    is_seen_in_part = np.zeros(patch.unknowns, np.bool_)
+    is_seen_in_part[part[seen]] = True
+    buried = ~seen & is_seen_in_part[part]
     if options.interior == "fill":
-        part = connected_components(patch.face_points.astype(np.int64), patch.unknowns)
-        moments[unseen & np.isin(part, part[seen])[patch.face_points[:, 0]]] = 0
-    return Gathered(moments, counts, sampled & ~seen)
+        moments[unseen & buried[patch.face_points[:, 0]]] = 0
+    return Gathered(moments, counts, sampled & ~seen, buried)

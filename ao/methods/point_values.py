@@ -132,7 +132,7 @@ def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Floa
     directions, clearance, magnitude = axes, np.ones(len(points)), np.abs(placed).max(axis=1)
     if not lifts.any():  # else each lies on its own disc
         surface = Surface.of(vertices, receivers.faces, receivers.backwards)
-        directions, clearance, magnitude = directions_in_front(placed, axes, receivers.tree, surface)
+        directions, clearance, magnitude = directions_in_front(placed, axes, receivers.hierarchy.tree, surface)
     offset = np.maximum(ray_offset(directions, magnitude, clearance), lifts * prepared.placement.scale)
     origins = placed + offset[:, None] * directions
     return Points.lifted(placed, origins, axes)

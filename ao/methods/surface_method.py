@@ -18,6 +18,7 @@ from ..result import PointValues, rms
 
 _FIRST, _LEAST = 64, 1 << 20  # rays a vertex and in all, at least, to learn how many a tolerance needs
 _AIM = 0.8  # of the tolerance
+_MARGIN = 20.0  # of its square, times one by the number of values: few may seem to err by too little, by chance
 
 
 def fit_to_surface(prepared: Prepared) -> PointValues:
@@ -36,7 +37,7 @@ def fit_to_surface(prepared: Prepared) -> PointValues:
     while tolerance is not None and rays < most:
         wanted = receivers.of_vertex[requested.first_vertex]
         rmse = max(rms(error, fit.in_sight[wanted]) for error in fit.error[wanted].T[: len(options.falloffs)])
-        if rmse <= tolerance:
+        if rmse**2 * (1 + _MARGIN / max(vertices, 1)) <= tolerance**2:
             break
         rays = min(int(rays * np.clip((rmse / (_AIM * tolerance)) ** 2, 2.0, 16.0)), most)
         fit, gathered = _fit(prepared, rays)
@@ -90,4 +91,6 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Gathered]:
         """As `Kept.cached`, by a name that tells fits of other numbers of rays apart."""
         return checkpoint.cached(f"{name}, {rays} rays", compute)
 
-    return fit_values(problems, trial, cached), gathered
+    fit = fit_values(problems, trial, cached)
+    fit.in_sight[gathered.buried] = 0.0  # they have values, but their errors show nowhere
+    return fit, gathered

@@ -175,7 +175,7 @@ class FineMesh:
             np.zeros(len(self.receivers.faces), np.int64),
         )
         return closest_points(
-            self.receivers.tree,
+            self.receivers.hierarchy.tree,
             (self._vertices, self.receivers.faces),
             positions[points],
             radius,

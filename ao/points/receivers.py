@@ -94,11 +94,6 @@ class Receivers:
     surface_normals: Float32s
 
     @property
-    def tree(self) -> BVH16:
-        """The hierarchy over the faces, whole."""
-        return self.hierarchy.tree
-
-    @property
     def first_vertex(self) -> Int64s:
         """The first vertex (k,) of each point."""
         vertices = np.flatnonzero(self.of_vertex >= 0)[::-1]

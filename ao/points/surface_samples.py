@@ -51,6 +51,7 @@ class SurfaceSamples:
         lifts = np.empty((count, 3), np.float32)
         geometric_normals = np.empty((count, 5), np.float32)
         faces = surface.surface
+        tree = receivers.hierarchy.tree
         numbers = np.arange(len(faces.faces), dtype=np.int32)
         face_points = np.repeat(numbers[:, None], 3, axis=1)  # each face is by itself
         magnitude = faces.magnitudes(face_points, len(faces.faces))
@@ -62,7 +63,7 @@ class SurfaceSamples:
             located = surface.points_at(under, weights, threads)
             clear = np.ones(len(under))
             origins[part], _ = ray_origins(
-                receivers.tree, faces, located.positions, located.normals, clear, face_points, under, magnitude[under]
+                tree, faces, located.positions, located.normals, clear, face_points, under, magnitude[under]
             )
             axes[part] = located.axes
             lifts[part] = origins[part] - located.positions

@@ -133,7 +133,7 @@ class TexelSampler:
         largest = _LARGEST if options.tolerance and options.denoise and not receivers.opacity else 1
         tangent = min(float(np.tan(np.radians(options.spread / 2))), 1.0)
         smooth, threads = self.surface.smooth, self.prepared.threads
-        return smooth_cells(coverage, smooth, receivers.tree, most_bent, tangent, largest, threads)
+        return smooth_cells(coverage, smooth, receivers.hierarchy.tree, most_bent, tangent, largest, threads)
 
     def _place(
         self, coverage: Coverage, order: Int64s, by_centre: Bools, required: bool = True

@@ -98,7 +98,7 @@ def measure(path: Path | None, samples: int, rounds: int) -> dict[str, object]:
     mesh = load(path).mesh if path else temple()
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
-    scene, tree = receivers.embree(), receivers.tree
+    scene, tree = receivers.embree(), receivers.hierarchy.tree
     count = min(len(receivers.points), 20_000_000 // samples)
     points = receivers.points[np.arange(count)]
     table = DirectionTable.make(samples, count, seed_key(0))

@@ -42,8 +42,6 @@ _READS = {
 }
 """The endings of outputs that a preset's program reads."""
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
-_CHEAP_PROFILE = {"falloff": "exponential", "method": "vertex", "tolerance": None}
-"""Options with which a profile takes the rays of the bake alone, and has w as baked between its columns."""
 
 
 class Plan(NamedTuple):
@@ -277,8 +275,8 @@ def _with_defaults(options: BakeOptions, ending: str) -> BakeOptions:
     """The options with those whose default depends on others."""
     changes: dict[str, Any] = {"cage": cage_of(options.cage)}
     if options.profile is None:
-        is_cheap = all(getattr(options, name) == value for name, value in _CHEAP_PROFILE.items())
-        changes["profile"] = ending == ".html" and is_cheap
+        is_page = ending == ".html" and options.falloff == "exponential" and options.method == "vertex"
+        changes["profile"] = is_page  # takes no more rays, and w as baked lies between its columns
     if ending == ".glb" and options.occlusion is None and options.thickness:
         changes["occlusion"] = "none"
     return options.replaced(**changes)

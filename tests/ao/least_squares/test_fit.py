@@ -154,8 +154,9 @@ def fit(noise, smooth, per_face=3, seed=0):
         halves.append(NormalEquations(stencil.sum(add_faces, entries), right_side(stencil, right), float(f @ f)))
     smoothness = stencil.sum(add_jumps, hinges, grid.triangles, areas)
     nothing = np.zeros((3, side * side))
-    problem = Problem(stencil, tuple(halves), smoothness, np.full(len(faces), 1e-9), nothing[0], nothing, 1, None)
-    alpha, fits = cross_validated(problem, nothing[0])
+    laplacian, zero = np.full(len(faces), 1e-9), nothing[0]
+    problem = Problem(stencil, tuple(halves), zero, smoothness, laplacian, zero, nothing, 1, None)
+    alpha, fits = cross_validated(problem, zero)
     data, prior = (
         stencil.matrix(values).diagonal().sum() for values in (halves[0].values + halves[1].values, smoothness)
     )

@@ -1,7 +1,7 @@
 """Baking from samples of the surface: what it must reproduce, what it is for, and what it says of itself."""
 
 import json
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from benchmarks.accuracy.surface_error import Points
 from obscurance import ao
 from obscurance.raytrace import Mesh, OptionError
-from obscurance.scenes.geometry.builtin_shapes import temple
 from obscurance.scenes.geometry.polyhedra import icosphere, join
 from obscurance.scenes.validation import table as validation
 
@@ -127,12 +126,13 @@ def test_coarse_meshes_are_fitted_to_a_tolerance(seed):
     dense = bake_surface(mesh, samples=1 << 18, seed=99).w
     rays = []
     for options in ({"tolerance": 0.01}, {}):
-        baked = bake_surface(mesh, **options, seed=seed)
-        true = np.sqrt(np.mean((baked.w - dense) ** 2))
+        bakes = [bake_surface(mesh, **options, seed=seed + turn) for turn in range(2)]
+        true = np.sqrt(np.mean([(baked.w - dense) ** 2 for baked in bakes]))
+        reported = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
         tolerance = options.get("tolerance", 0.005)
         assert true < 1.1 * tolerance
-        assert true / 1.3 < baked.rmse <= tolerance
-        rays.append(baked.rays)
+        assert true / 1.3 < reported <= tolerance
+        rays.append(bakes[0].rays)
     assert rays[0] < rays[1]
 
 
@@ -208,44 +208,13 @@ def test_some_stretches_of_a_large_mesh_show_how_smooth_it_is(monkeypatch, watch
     assert part.rmse == pytest.approx(whole.rmse, rel=0.1)
 
 
-@cache
-def coarse_temple():
-    """The mesh, and what many rays make of it."""
-    mesh = temple(fineness=0.6)
-    return mesh, bake_surface(mesh, ao.Binary(), samples=1024, seed=99).w
-
-
-@pytest.mark.parametrize("samples", [16, 256])
-def test_the_estimated_rmse_is_near_the_true_one(samples):
-    mesh, reference = coarse_temple()
-    bakes = [bake_surface(mesh, ao.Binary(), samples=samples, seed=seed) for seed in range(2)]
-    true = np.sqrt(np.mean([(baked.w - reference) ** 2 for baked in bakes]))
-    estimated = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
-    assert true / 1.4 < estimated < true * 1.6
-    off = np.abs(bakes[0].w - reference)
-    order = np.argsort(bakes[0].error)
-    quarter = len(off) // 4
-    assert np.sqrt(np.mean(off[order[-quarter:]] ** 2)) > 2 * np.sqrt(np.mean(off[order[:quarter]] ** 2))
-
-
-@cache
 def sunk():
-    """A ball that is sunk into a floor, which of their vertices are in sight, and w by many rays."""
+    """A ball that is sunk into a floor, and which of their vertices are in sight."""
     ball = trimesh.creation.icosphere(subdivisions=3)
     mesh = Mesh(*join([grid(24, 4.0), (ball.vertices - [0, 0, 0.7], np.asarray(ball.faces))]))
     x, y, z = mesh.vertices.T
     on_floor = np.arange(len(z)) < 24**2
-    dense = bake_surface(mesh, ao.Binary(), samples=1 << 12, seed=99).w
-    return mesh, ~np.where(on_floor, x**2 + y**2 < 1 - 0.7**2, z < 0), dense
-
-
-@pytest.mark.parametrize("samples", [64, 512])
-def test_what_nobody_sees_counts_for_nothing_in_the_estimated_rmse(samples):
-    mesh, in_sight, dense = sunk()
-    bakes = [bake_surface(mesh, ao.Binary(), samples=samples, seed=seed) for seed in range(2)]
-    true = np.sqrt(np.mean([(baked.w - dense)[in_sight] ** 2 for baked in bakes]))
-    estimated = np.sqrt(np.mean([baked.rmse**2 for baked in bakes]))
-    assert true / 1.3 < estimated < true * 2
+    return mesh, ~np.where(on_floor, x**2 + y**2 < 1 - 0.7**2, z < 0)
 
 
 def test_several_falloffs_are_each_fitted_as_alone():
@@ -262,7 +231,7 @@ def test_several_falloffs_are_each_fitted_as_alone():
         off = np.sqrt(np.mean((together.values[:, column] - alone.w) ** 2))
         assert off < (1e-6 if column == 0 else alone.rmse)
         true = np.sqrt(np.mean((together.values[:, column] - dense[:, column]) ** 2))
-        assert true / 1.4 < together.rmses[column] < 2 * true
+        assert true / 1.35 < together.rmses[column] < 1.35 * true
 
 
 def test_a_profile_of_a_sphere_follows_its_closed_form():
@@ -288,7 +257,7 @@ def test_interior_says_what_buried_vertices_get():
 
 
 def test_faces_that_nobody_sees_are_filled_from_visible_ones_or_flagged():
-    mesh, in_sight, _ = sunk()
+    mesh, in_sight = sunk()
     auto, marked, filled = (
         bake_surface(mesh, ao.Binary(), samples=256, interior=each) for each in ("auto", "mark", "fill")
     )

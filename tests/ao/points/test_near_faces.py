@@ -87,7 +87,7 @@ def cells(mesh, uv, size, tangent):
     found = find_receivers(mesh, placement)
     coverage = Page.of(UVLayout.of(corner_uv(uv, mesh), (size, size), True, "test")).cover("mean", 1)
     smooth = SmoothSurface.of(placement.vertices.astype(np.float64), found)
-    return smooth_cells(coverage, smooth, found.tree, 0.2, tangent, 4, 1)
+    return smooth_cells(coverage, smooth, found.hierarchy.tree, 0.2, tangent, 4, 1)
 
 
 @pytest.mark.parametrize("far", [1.0, 3.0, 8.0, 20.0])

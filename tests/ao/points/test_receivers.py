@@ -126,9 +126,9 @@ def test_faces_and_vertices_of_any_order_keep_their_numbers():
     placement, found = Placement.of(mesh), receivers(mesh)
 
     assert found.faces.tolist() == [face for face in faces.tolist() if len(set(face)) == 3]
-    there = found.tree.leaf_faces >= 0
-    corners = found.tree.triangles.reshape(-1, 3, 3, 16).transpose(0, 3, 1, 2)[there]
-    assert (corners == placement.vertices[found.faces[found.tree.leaf_faces[there]]]).all()
+    there = found.hierarchy.tree.leaf_faces >= 0
+    corners = found.hierarchy.tree.triangles.reshape(-1, 3, 3, 16).transpose(0, 3, 1, 2)[there]
+    assert (corners == placement.vertices[found.faces[found.hierarchy.tree.leaf_faces[there]]]).all()
     used = found.of_vertex >= 0
     assert np.flatnonzero(found.flags & Flag.UNREFERENCED).tolist() == np.flatnonzero(~used).tolist()
     away = found.points.origins[found.of_vertex[used]] - placement.vertices[used]

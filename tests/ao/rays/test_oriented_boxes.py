@@ -106,11 +106,12 @@ def test_they_change_no_bit(name, falloff):
     points = receivers.points[np.flatnonzero(np.arange(len(receivers.points)) % 36 == 1)]  # no tip
     mu = falloff.resolve(mesh.radius).in_render_space(placement.scale)
     t_max = min(mu.limit, placement.diagonal)
-    assert receivers.tree.axes is not None
+    in_turned_boxes = receivers.hierarchy.tree
+    assert in_turned_boxes.axes is not None
     for samples in (16, 100):
         table = DirectionTable.make(samples, len(points), np.uint32(7))
         oriented, in_aligned = np.empty((2, len(points), 1, COLUMNS))
-        for tree, out in ((receivers.tree, oriented), (in_aligned_boxes(receivers.tree), in_aligned)):
+        for tree, out in ((in_turned_boxes, oriented), (in_aligned_boxes(in_turned_boxes), in_aligned)):
             gather_hemispheres(tree, Rays.of(table), TraversalState.of(tree), points.arrays, table, mu, t_max, out)
         assert oriented[..., W].min() < oriented[..., W].max()
         assert np.array_equal(oriented, in_aligned)

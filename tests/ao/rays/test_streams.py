@@ -114,7 +114,7 @@ class Prepared:
         self.receivers = find_receivers(mesh, self.placement)
         self.points = self.receivers.points
         self.table = DirectionTable.make(samples, len(self.points), np.uint32(7))
-        self.tree = self.receivers.tree
+        self.tree = self.receivers.hierarchy.tree
 
         self.mu = ao.Binary().resolve(1.0).in_render_space(self.placement.scale)
 

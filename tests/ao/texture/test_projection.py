@@ -116,7 +116,7 @@ def test_closest_points_are_those_of_all_faces(radius):
     done = []
     for farther in (None, done.append):
         surface = vertices, receivers.faces
-        face, weights = closest_points(receivers.tree, surface, points, radius, groups, 1, farther)
+        face, weights = closest_points(receivers.hierarchy.tree, surface, points, radius, groups, 1, farther)
         near = (distances.min(axis=1) <= radius) | (farther is not None)
         assert np.array_equal(face >= 0, near)
         at = np.einsum("kc,kci->ki", weights, corners[face])

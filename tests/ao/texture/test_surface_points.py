@@ -27,7 +27,7 @@ def cells_of(mesh, uv, size, most=MOST, largest=1):
     receivers = find_receivers(mesh, placement)
     coverage = Page.of(UVLayout.of(corner_uv(uv, mesh), (size, size), True, "test")).cover("mean", 1)
     smooth = SmoothSurface.of(placement.vertices.astype(np.float64), receivers)
-    return coverage, *smooth_cells(coverage, smooth, receivers.tree, most, 1.0, largest, 1)
+    return coverage, *smooth_cells(coverage, smooth, receivers.hierarchy.tree, most, 1.0, largest, 1)
 
 
 def enough(mesh, uv, size, most=MOST):

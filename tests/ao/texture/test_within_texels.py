@@ -115,7 +115,7 @@ def test_low_things_over_a_floor_are_near_its_texels(height, several):
     found = find_receivers(mesh, placement)
     coverage = Page.of(UVLayout.of(corner_uv(uv, mesh), (8, 8), True, "test")).cover("mean", 1)
     smooth = SmoothSurface.of(placement.vertices.astype(np.float64), found)
-    alone, _ = smooth_cells(coverage, smooth, found.tree, 0.2, 1.0, 1, 1)
+    alone, _ = smooth_cells(coverage, smooth, found.hierarchy.tree, 0.2, 1.0, 1, 1)
     assert alone.any() != several
 
 

@@ -6,6 +6,7 @@ import inspect
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -278,3 +279,21 @@ def test_relations_name_options_of_the_table():
         for name in (*row.needs, *row.excludes):
             assert name in ROWS, f"{row.name} needs or excludes {name}"
         assert set(row.bake_kinds.split()) <= {"vertices", "texture", "batch"}
+
+
+@pytest.mark.parametrize(
+    ("given", "profile"),
+    [
+        ({}, True),
+        ({"tolerance": 0.02}, True),
+        ({"samples": 64}, True),
+        ({"profile": False}, False),
+        ({"falloff": "binary"}, False),
+        ({"method": "surface"}, False),
+        ({"output": Path("w.ply")}, False),
+    ],
+    ids=str,
+)
+def test_a_page_has_a_profile_where_it_takes_no_more_rays(given, profile):
+    plan = plan_bake(BakeOptions(**{"mesh": [Path("m.obj")], "output": Path("w.html")} | given))
+    assert plan.arguments.profile is profile
