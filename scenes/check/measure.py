@@ -166,7 +166,7 @@ def estimate(
     assert isinstance(plan.arguments, VertexOptions)
     arguments = replace(
         plan.arguments, falloff=tuple(falloffs), samples=RAYS, tolerance=None, denoise=False, profile=False,
-        both_sides=False, seed=_SEED + 2 * seed, threads=plan.options.threads,
+        both_sides=False, seed=(_SEED + 2 * seed) % 2**63, threads=plan.options.threads,
         weight="uniform" if is_even else plan.arguments.weight,
     )  # fmt: skip
     find = _on_faces if stored.lookups else _at_elements
