@@ -71,10 +71,9 @@ class Copies:
         """The number of rays (i,) of some of the sites."""
         return self._rays[self._amount[rows]]
 
-    @property
-    def worth(self) -> Float64s:
-        """What they are worth (j,): n^RATE of n rays in one lattice."""
-        return self._worth[self._amount]
+    def worth_at(self, rows: Int64s | slice) -> Float64s:
+        """What the rays of some of the sites are worth (i,): n^RATE of n rays in one lattice."""
+        return self._worth[self._amount[rows]]
 
     def add(self, more: Int32s, key: np.uint32, shared: bool = False) -> None:
         """Trace `more` rays (j,) at the sites.
@@ -281,9 +280,11 @@ class Probes:
             if len(expected) > 1:
                 among = error[members]
                 scatter = float(np.var(measured[probed])) + 2 * mean_square(among)
-                error[members] *= calibration_factor(
+                del among  # to make room
+                factor = calibration_factor(
                     float(np.mean(expected)), float(np.mean(measured[probed])), scatter / len(expected)
                 )
+                np.multiply(error, factor, out=error, where=members)
         error *= calibrated / max(float(np.mean(error)), 1e-300)
         return Calibration(error[self.rows], measured, len(error) * self._weights)
 

@@ -78,7 +78,7 @@ class Round(NamedTuple):
         gathered = own.gathered[column][sites.traced]
         checks = deciding.checks(sites, column)
         raw = gathered[:, W]
-        level = checks.level(raw, own.worth[sites.traced])
+        level = checks.level(raw, own.worth_at(sites.traced))
         if len(raw) and not gathered[:, BATCH_VARIANCE].any() and (raw == raw[0]).all():
             level = min(level, float(own.rays.sum()) ** -2.0)  # of n rays that agree, the next may not (Laplace)
         if denoise:
@@ -117,7 +117,7 @@ class Round(NamedTuple):
         at_all = np.arange(len(self.sites))[self.sites.traced][again]
         self.w[again] = gathered[again, W]
         missed = np.where(self.sites.kinds[at_all] == ONE_PLACE, 0.0, gathered[again, BATCH_VARIANCE])
-        self.error[at_all] = TYPICAL / own.worth[at_all] + missed
+        self.error[at_all] = TYPICAL / own.worth_at(at_all) + missed
         return self._replace(gathered=gathered).calibrated(measuring)
 
     def measured(self, kind: int, probes: Probes) -> tuple[float, float]:
@@ -218,6 +218,7 @@ def to_tolerance(
             more[sites.traced] = np.where(worst, np.clip(rays_alone(tolerance), have, max_samples) - have, 0)
             again = np.flatnonzero(more[sites.traced])
             own.add(more, derive(key, 3 * _SALT + turn))
+            tracer.scene.hierarchy.release()
             rounds = [round_.by_own_rays(again, own, measuring) for round_ in rounds]
         more[:] = 0
         if max(round_.mean for round_ in rounds) <= goal or (own.rays[sites.traced] >= max_samples).all():
@@ -311,7 +312,7 @@ def _rays_by_pilot(
 def _pilot_error(own: Copies, rows: Int64s, patch: Sites, checks: Checks, column: int) -> tuple[float, float]:
     """The mean square error of a pilot sample by one falloff, and its expected errors' mean square to mean²."""
     gathered = own.gathered[column][rows]
-    level = checks.level(gathered[:, 0], own.worth[rows])
+    level = checks.level(gathered[:, 0], own.worth_at(rows))
     w, error = denoise_over_scales(patch.graph, patch.points, gathered, level, checks.rows, checks.mean_squared)
     return checks.mean_squared(w[checks.rows]), mean_square(error) / float(np.mean(error)) ** 2
 
@@ -352,6 +353,6 @@ def _more_rays(rounds: list[Round], own: Copies, goal: float, max_samples: int, 
     if denoise:
         missing = max(most.mean if sites.cell is None else float(np.mean(error)), aim)
         fall = fall_of(sites.graph, np.ascontiguousarray(most.gathered[:, 0]), most.level, missing, aim)
-    worth, rays = own.worth[sites.traced], own.rays[sites.traced]
+    worth, rays = own.worth_at(sites.traced), own.rays[sites.traced]
     more = rays_to_add(error, worth, max_samples, aim, fall, sites.graph.threads)
     return np.minimum(more, max_samples - rays)

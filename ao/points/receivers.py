@@ -216,8 +216,10 @@ def find_receivers(mesh: Mesh, placement: Placement, normals: Normals = "file") 
     group, place, tree, tree_seconds = offset.welded.group, curve.place, offset.tree, offset.tree_seconds
     del curve, own_axes, offset
     points = replace(_compacted(usable, places, of_all), fronts=fronts)
-    index = _numbers(usable, len(of_all[0]))
-    del places, of_all, usable
+    count = len(of_all[0])
+    del places, of_all
+    index = _numbers(usable, count)
+    del usable
     of_vertex = index[group][place]
     del group, place, index
     tree = tree._replace(leaf_faces=np.append(met.number, -1).astype(np.int32)[tree.leaf_faces])

@@ -112,7 +112,7 @@ def test_rays_are_counted_site_by_site() -> None:
         rays += more
         worth += more**RATE
     assert np.array_equal(traced.rays, rays)
-    assert np.allclose(traced.worth, worth)
+    assert np.allclose(traced.worth_at(slice(None)), worth)
     some = np.array([7, 3])
     assert np.array_equal(traced.rays_at(some), rays[some])
 
