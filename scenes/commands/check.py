@@ -247,7 +247,7 @@ def in_words(facts: dict[str, Any], within: float | None) -> list[tuple[str, str
     if "rmse" not in facts:  # w is of another number of vertices
         return rows
     meaning = f", {facts['meaning']}" if facts["meaning"] else ""
-    how = "as given"
+    how = "as the file or an option says"
     if facts["fitted"]:
         others = ", ".join(f"{name} {error:.4f}" for name, error in facts["rmse_by_other_falloffs"].items())
         how = f"which fits best; by others the RMS error is, at best, {others}"
