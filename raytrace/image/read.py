@@ -60,6 +60,11 @@ def read_image(path: PathName) -> tuple[dict[str, Float32s], dict[str, str]]:
     return layers, _metadata(spec)
 
 
+def read_metadata(path: PathName) -> dict[str, str]:
+    """The metadata that `read_image` returns, without the pixels. Raises: InputError: as `open_image`."""
+    return _metadata(open_image(path).spec())
+
+
 def open_image(path: PathName, content: Path | None = None, max_side: int = MAX_SIZE) -> Any:
     """An `OpenImageIO.ImageInput`, alpha left as it is in the file.
 

@@ -9,18 +9,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from obscurance.raytrace.errors import InputError
+from obscurance.raytrace.errors import InputError, SceneError
 from obscurance.raytrace.mesh.solids import shape_hash
 
 from ..formats.images import is_texture
-from ..formats.load import read_asset
-from ..formats.table import format_of, is_raster
+from ..formats.load import parser_errors
+from ..formats.table import is_raster
 from ..json_toml import parse_json
 from .options import ROWS, check_stored, plain
 
 if TYPE_CHECKING:
     from obscurance.raytrace.mesh.mesh import Mesh
 
+    from ..asset.asset import Asset
     from .plan import Plan
 
 
@@ -39,15 +40,20 @@ class Record(NamedTuple):
         return cls(options, shape_hash(mesh))
 
     @classmethod
-    def read(cls, path: Path) -> Self | None:
-        """The record in a baked file, None where there is none. Raises: InputError: it has options of other types."""
+    def read(cls, path: Path, asset: Asset | None) -> Self | None:
+        """The record in a baked file, None where there is none. Raises: InputError: it has options of other types.
+
+        Args: asset: the file's content, if it is a mesh.
+        """
+        text = asset.raw.record if asset and asset.raw else _text(path)
+        stored: Any = None
         with suppress(ValueError, RecursionError):
-            stored = parse_json(_text(path).encode())
-            if isinstance(stored, dict) and isinstance(stored.get("options"), dict):
-                options = {name: value for name, value in stored["options"].items() if name in ROWS}
-                check_stored(path, options)
-                return cls({name: _parsed(name, value) for name, value in options.items()}, str(stored.get("mesh", "")))
-        return None
+            stored = parse_json(text.encode())
+        if not (isinstance(stored, dict) and isinstance(stored.get("options"), dict)):
+            return None
+        options = {name: value for name, value in stored["options"].items() if name in ROWS}
+        check_stored(path, options)
+        return cls({name: _parsed(name, value) for name, value in options.items()}, str(stored.get("mesh", "")))
 
     @property
     def text(self) -> str:
@@ -63,9 +69,9 @@ def _parsed(name: str, value: Any) -> Any:
 
 
 def _text(path: Path) -> str:
-    """The record's text in a file, empty if there is none. Raises: InputError: the file cannot be read."""
+    """The record's text in a file that is no mesh, empty if there is none. Raises: InputError: it cannot be read."""
     if path.suffix.lower() == ".npz":
-        with np.load(path, allow_pickle=False) as arrays:
+        with parser_errors(path, SceneError), np.load(path, allow_pickle=False) as arrays:
             return str(arrays["bake"]) if "bake" in arrays else ""
     if is_raster(path):
         from ..formats.raster import stored_record
@@ -73,8 +79,7 @@ def _text(path: Path) -> str:
         with suppress(InputError):  # an image of a texture
             return stored_record(path)
     if is_texture(path):
-        from obscurance.raytrace.image.read import read_image
+        from obscurance.raytrace.image.read import read_metadata
 
-        return read_image(path)[1].get("bake", "")
-    raw = read_asset(path).raw if format_of(path).read else None
-    return raw.record if raw else ""
+        return read_metadata(path).get("bake", "")
+    return ""

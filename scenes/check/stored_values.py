@@ -12,20 +12,21 @@ from obscurance.raytrace.errors import SceneError
 from obscurance.raytrace.image.colour import decode_srgb
 from obscurance.raytrace.image.texture import Texture, pack_textures
 from obscurance.raytrace.image.texture_lookup import sample_points
-from obscurance.raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.types import Bools, Float64s, Int32s, Int64s
 
 from ..asset.primitive import COLOR, W
 from ..formats.images import is_texture
 from ..formats.load import parser_errors
 from ..formats.ply.layout import Ply, columns_of
-from ..formats.stored_w import ENDINGS, FaceTextures, occlusion_textures, read_w
+from ..formats.stored_w import FaceTextures, occlusion_textures, read_w, w_of_mesh
+from ..formats.table import is_raster
 
 if TYPE_CHECKING:
     from ..asset.asset import Asset
 
 _GREY = 0.02  # between channels, up to which colours are grey
 _CHANNELS = "red", "green", "blue", "alpha"
-_FLOATS = ".exr", ".hdr"
+_OTHERS = ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".hdr"  # endings of images of other programs
 _OWN = "values that a bake has left"
 _NO_W = "w as obscurance bake writes it, vertex colours or an occlusion texture"
 
@@ -49,6 +50,14 @@ class StoredValues(NamedTuple):
         """The number of elements."""
         return len(next(iter(self.rows.values())))
 
+    def interpolated(self, faces: Int32s) -> StoredValues:
+        """The values of vertices as they are shown on the faces (m, 3) between them."""
+
+        def lookup(column: Float64s) -> Callable[[Int64s, Float64s], Float64s]:
+            return lambda rows, weights: np.einsum("kc,kc->k", weights, column[faces[rows]])
+
+        return self._replace(rows={}, lookups={meaning: lookup(column) for meaning, column in self.rows.items()})
+
 
 def find_values(file: Path, own: Asset | None, source: Asset, is_own: bool) -> StoredValues:
     """The values of a file. Raises: SceneError: it has none.
@@ -56,35 +65,38 @@ def find_values(file: Path, own: Asset | None, source: Asset, is_own: bool) -> S
     Args: own: the file's mesh, if it has one. source: of the mesh to check it for. is_own: whether a record says that
         the values are w of `obscurance bake`, as it encodes them.
     """
-    if is_texture(file) and not _is_raster_of(file, source):
+    if own is None and is_image(file) and not (is_raster(file) and is_raster(source.path)):
         uv = source.uv
         if uv is None:
             raise SceneError(source.path, "texture coordinates", f"those that {file.name} is for", "none")
-        kinds = {"": False} if is_own or file.suffix.lower() in _FLOATS else {"linear": False, "sRGB": True}
+        kinds = {"": False} if is_own else {"linear": False, "sRGB": True}
         of = np.where(np.isnan(uv).any(axis=(1, 2)), -1, 0)
         pages = {kind: FaceTextures(uv, of, [(Texture(file, srgb=srgb), 1.0)]) for kind, srgb in kinds.items()}
         return _textured("the texture", pages)
-    if own is None or own.w is not None:
+    if own is None:
         return StoredValues(_OWN, {"": read_w(file)}, {})
-    if isinstance(own.raw, Ply) and (of_polygons := columns_of(own.raw.elements, "face").get(W)):
-        return StoredValues(_OWN, {"": np.repeat(of_polygons.values, own.triangles.counts).astype(np.float64)}, {})
+    if own.w is not None:
+        return StoredValues(_OWN, {"": w_of_mesh(own)}, {})
+    if isinstance(own.raw, Ply):  # of points, or of faces
+        left = columns_of(own.raw.elements, "vertex" if own.cloud else "face").get(W)
+        if left:
+            each = left.values if own.cloud else np.repeat(left.values, own.triangles.counts)
+            return StoredValues(_OWN, {"": each.astype(np.float64)}, {})
     with parser_errors(file):
         if own.is_scene and (textured := occlusion_textures(own)):
             return _textured("occlusion textures", {"": textured})
     colours = own.columns(COLOR)
     if colours is None or None in colours:
         ramps = own.is_scene and any(own.material(run.material.key).occlusion for run in own.runs())
-        if ramps and file.suffix.lower() in ENDINGS:
-            return StoredValues("the ramp of occlusion textures", {"": read_w(file)}, {})
+        if ramps:
+            return StoredValues("the ramp of occlusion textures", {"": w_of_mesh(own)}, {})
         raise SceneError(file, "w", _NO_W, "none")
     return StoredValues("vertex colours", _meanings(own), {})
 
 
-def _is_raster_of(file: Path, source: Asset) -> bool:
-    """Whether an image is a raster of w, for the heights of another."""
-    from ..formats.table import is_raster
-
-    return is_raster(file) and is_raster(source.path)
+def is_image(file: Path) -> bool:
+    """Whether a name is that of an image, of this program or of others."""
+    return is_texture(file) or file.suffix.lower() in _OTHERS
 
 
 def _meanings(own: Asset) -> dict[str, Float64s]:
@@ -97,11 +109,10 @@ def _meanings(own: Asset) -> dict[str, Float64s]:
     if all(column.values.shape[1] == 4 for column in parts):
         alpha = np.concatenate([column.values[:, 3] for column in parts]).astype(np.float64)
         values |= {"alpha": alpha} if np.ptp(alpha) > 0 else {}
-    linear = {f"{name}, linear": np.clip(column, 0, 1) for name, column in values.items()}
-    encoded = {
-        f"{name}, sRGB": decode_srgb(np.clip(column, 0, 1)) for name, column in values.items() if name != "alpha"
-    }
-    return linear | {name: column.astype(np.float64) for name, column in encoded.items()}
+    clipped = {name: np.clip(column, 0.0, 1.0) for name, column in values.items()}
+    decoded = {name: decode_srgb(column).astype(np.float64) for name, column in clipped.items() if name != "alpha"}
+    linear = {f"{name}, linear": column for name, column in clipped.items()}
+    return linear | {f"{name}, sRGB": column for name, column in decoded.items()}
 
 
 def _textured(where: str, kinds: dict[str, FaceTextures]) -> StoredValues:

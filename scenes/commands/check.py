@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from obscurance.ao.result import SquaredError
-from obscurance.raytrace.errors import ConflictError, OptionError, SceneError, printable
+from obscurance.raytrace.errors import ConflictError, MeshError, OptionError, SceneError, printable
 from obscurance.raytrace.mesh.solids import shape_hash
 from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_ending, check_outputs, check_regular
@@ -24,8 +25,7 @@ from ..bake.plan import Plan, plan_bake
 from ..bake.record import Record
 from ..bake.run import silence_tolerance_warnings
 from ..check.measure import RAYS, Comparison, compare_values
-from ..check.stored_values import StoredValues, find_values
-from ..formats.images import is_texture
+from ..check.stored_values import StoredValues, find_values, is_image
 from ..formats.load import load
 from ..formats.stored_w import read_beside_w
 from ..formats.table import format_of, is_raster
@@ -77,10 +77,9 @@ def check(file: Path, of: Path | None, within: float | None, output: Path | None
     """
     # The files, and how w was baked.
     check_regular(file, "a file of w", SceneError)
-    record = Record.read(file)
-    points = record is not None and bool(record.options.get("points"))
-    own = load(file, names=True, points=points) if _has_mesh(file) else None
-    source = own if of is None else load(of, names=True, points=points)
+    own = None if not format_of(file).read or is_raster(file) or is_image(file) else _mesh(file)
+    record = Record.read(file, own)
+    source = own if of is None else _mesh(of)
     if source is None:
         raise OptionError("of", f"--of with the mesh that {file.name} belongs to", "none")
     stale = None
@@ -93,6 +92,8 @@ def check(file: Path, of: Path | None, within: float | None, output: Path | None
         given["at"] = "faces"
     if source is own:
         given["flip"] = False  # as its faces are turned already
+    if source.cloud:
+        given["points"] = True
     plan = plan_bake(_bake_options(record, source, **given))
     whole = _with_rows(source, stored, plan)
     if whole is None and stale:
@@ -102,6 +103,8 @@ def check(file: Path, of: Path | None, within: float | None, output: Path | None
         expected = f"a value for each of the {_count(source, elements):,} {elements} of {source.path}"
         raise SceneError(file, "w", expected, f"{stored.rows_count:,}")
     inputs = read_inputs(plan, source=whole)
+    if plan.options.method == "surface" and stored.rows:  # which is to be right between vertices
+        stored = stored.interpolated(inputs.source.mesh.faces)
     # The comparison.
     with silence_tolerance_warnings():
         is_named = record is not None or any(given[name] is not None for name in _OF_FALLOFF)
@@ -112,9 +115,14 @@ def check(file: Path, of: Path | None, within: float | None, output: Path | None
     return Checked(facts, within is not None and found.error.at_least > within)
 
 
-def _has_mesh(file: Path) -> bool:
-    """Whether a file is a mesh, not values alone."""
-    return bool(format_of(file).read) and not is_raster(file) and not is_texture(file)
+def _mesh(file: Path) -> Asset:
+    """A mesh file, or a cloud of points. Raises: MeshError: it is neither."""
+    try:
+        return load(file, names=True)
+    except MeshError:
+        with suppress(MeshError):
+            return load(file, names=True, points=True)
+        raise
 
 
 def _bake_options(record: Record | None, source: Asset, **given: Any) -> BakeOptions:

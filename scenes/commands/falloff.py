@@ -15,7 +15,7 @@ from ..bake.console import warn
 from ..bake.record import Record
 from ..formats.falloffs import Scales
 from ..formats.images import check_texture_target, write_grey
-from ..formats.load import load
+from ..formats.load import load, read_asset
 from ..formats.stored_w import checked_profile, find_profile, read_beside_w
 from ..formats.table import endings
 from ..formats.unsupported import unsupported_features
@@ -42,9 +42,8 @@ def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None)
     if textured:
         profile = checked_profile(baked, find_profile(baked))
         w = scales.of(profile)
-        write_grey(
-            output, w.astype("<f4"), False, {"content": "w, 1 = open", "bake": _record(baked, scales)}, profile=profile
-        )
+        described = {"content": "w, 1 = open", "bake": _record(baked, None, scales)}
+        write_grey(output, w.astype("<f4"), False, described, profile=profile)
         count = f"{w.size:,} texels"
     else:
         count = f"{_write_vertices(baked, scales, output, mesh):,} vertices"
@@ -65,7 +64,7 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     w = scales.of(profile)
     if file and len(w) != len(file.mesh.vertices):
         raise SceneError(baked, "profile", f"a row for each of the {len(file.mesh.vertices):,} vertices", f"{len(w):,}")
-    shown = channels(output, None, None, False)._replace(record=_record(baked, scales))
+    shown = channels(output, None, None, False)._replace(record=_record(baked, source, scales))
     if file:
         warn([], unsupported_features(output, file, shown))
     flags = source.baked.flags if source and source.baked else read_beside_w(baked, len(w)).get("flags")
@@ -77,9 +76,9 @@ def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None
     return len(w)
 
 
-def _record(baked: Path, scales: Scales) -> str:
+def _record(baked: Path, source: Asset | None, scales: Scales) -> str:
     """The record of a bake with another half-distance, as of `Channels`; empty of a product of several."""
-    record = Record.read(baked)
+    record = Record.read(baked, source if source is None or source.raw else read_asset(baked))
     if record is None or len(scales.half_distances) > 1 or scales.powers != (1.0,):
         return ""
     options = {name: value for name, value in record.options.items() if name != "tau"}

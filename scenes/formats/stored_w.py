@@ -59,7 +59,7 @@ def read_w(path: PathName, *counts: int, scales: Scales | None = None) -> Float6
         if is_raster(path):
             w = _of_raster(path)
         elif format_of(path).read:
-            w = _of_mesh(path, counts, scales)
+            w = w_of_mesh(read_asset(path), counts, scales)
         else:
             w = scales.of(checked_profile(path, find_profile(path))) if scales else _of_array(path, counts)
     except MeshError as fault:
@@ -97,9 +97,9 @@ def checked_profile(path: Path, profile: Profile | None) -> Profile:
     return profile
 
 
-def _of_mesh(path: Path, counts: tuple[int, ...], scales: Scales | None) -> Float64s:
-    """w (n,) that a bake has left in a mesh file. Args: counts: what n may be. scales: half-distances to take it by."""
-    asset = read_asset(path)
+def w_of_mesh(asset: Asset, counts: tuple[int, ...] = (), scales: Scales | None = None) -> Float64s:
+    """w (n,) that a bake has left in a mesh file. Args, Raises: as `read_w`, but for values beyond [0, 1]."""
+    path = asset.path
     with parser_errors(path):
         stored = [(part, _of_part(asset, part, scales)) for part in asset.parts]
     if any(w is None for _, w in stored):

@@ -200,7 +200,32 @@ def test_every_kind_of_w_is_checked(folder, options):
     succeeded("bake", "hills.obj", "-o", "w.ply", "--falloff", "binary", *options)
     facts, status = found("w.ply", "--within", 0.05)
     assert (status, facts["falloff"]) == (0, "binary")
+    assert facts["at"] == {"faces": "faces", "surface": "surface"}.get("".join(options[1:]), "vertices")
     np.testing.assert_array_less(facts["rmse"], 0.03)
+
+
+def test_clouds_and_pictures_of_other_programs_are_checked(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ball = trimesh.creation.icosphere(subdivisions=3).vertices
+    points = np.concatenate([ball, 0.5 * ball + [1.6, 0, 0]])
+    rows = np.column_stack([points, np.concatenate([ball, ball])])
+    head = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
+    lines = "\n".join(" ".join(map(str, row)) for row in rows)
+    (tmp_path / "cloud.ply").write_text(
+        f"ply\nformat ascii 1.0\nelement vertex {len(rows)}\n{head}end_header\n{lines}\n"
+    )
+    for name, of in (("w.ply", ()), ("w.npz", ("--of", "cloud.ply"))):
+        succeeded("bake", "cloud.ply", "-o", name, "--points", "--falloff", "binary", "--tolerance", 0.02)
+        facts, _ = found(name, *of)
+        assert (facts["at"], facts["rmse"] < 0.05) == ("points", True), facts
+    (tmp_path / "room.obj").write_text(FLOOR_AND_WALL)
+    succeeded("bake", "room.obj", "-o", "w.exr", "--falloff", "binary", "--size", 128, "--samples", 1024)
+    from obscurance.raytrace.image.read import read_image
+    from obscurance.raytrace.image.write import write_image
+
+    write_image("w.jpg", read_image("w.exr")[0]["beauty"][:, :, :1])
+    facts, _ = found("w.jpg", "--of", "room.obj")
+    assert (facts["meaning"], facts["falloff"], facts["rmse"] < 0.03) == ("sRGB", "binary", True), facts
 
 
 def test_arrays_of_faces_are_known_by_their_number(folder):
@@ -221,6 +246,7 @@ def test_a_page_shows_the_difference(folder, exact):
 def test_what_is_no_bake_is_refused(folder, exact):
     np.save("w.npy", exact)
     np.save("short.npy", exact[:5])
+    (folder / "damaged.npz").write_text("no archive")
     for words, *expected in (
         (["hills.obj"], "hills.obj: w: expected w as obscurance bake writes it, vertex colours or", "got none"),
         (["w.npy"], "check --of: expected --of with the mesh that w.npy belongs to, got none"),
@@ -228,6 +254,7 @@ def test_what_is_no_bake_is_refused(folder, exact):
         (["w.npy", "--of", "hills.obj", "--within", "0"], "check --within: expected a number above 0"),
         (["w.npy", "--of", "hills.obj", "-o", "page.png"], "check --output", ".html"),
         (["none.npy", "--of", "hills.obj"], "none.npy"),
+        (["damaged.npz", "--of", "hills.obj"], "damaged.npz: content: expected a complete and valid NPZ file"),
         (["w.npy", "--of", "hills.obj", "--half-distance", "x"], "check --half-distance"),
     ):
         refused(obscurance("check", *words), *expected)

@@ -41,9 +41,11 @@ def test_the_hook_is_a_command():
     assert hook["language"] == "python"
 
 
-def test_the_citation_is_of_this_version():
+def test_the_citation_and_the_extension_are_of_this_version():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    manifest = tomllib.loads((ROOT / "blender" / "blender_manifest.toml").read_text())
+    assert (manifest["version"], manifest["license"]) == (project["version"], [f"SPDX:{project['license']}"])
     assert {name: str(citation[name]) for name in ("title", "version", "license")} == {
         "title": project["name"], "version": project["version"], "license": project["license"],
     }  # fmt: skip
