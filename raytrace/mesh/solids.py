@@ -156,20 +156,30 @@ def shape_hash(mesh: Mesh) -> str:
     It is the same whatever the order of vertices and faces, and how often vertices are stored; faces that are turned
     over have another.
     """
+    of_vertices = np.empty(len(mesh.vertices), np.uint64)
     total = np.zeros(1, np.uint64)
     with np.errstate(over="ignore"):
         words = (mesh.vertices.astype(np.float32) + np.float32(0)).view(np.uint32)  # 0 and −0 are alike
-    _hash_triangles(words, mesh.faces, total)
+    _hash_vertices(words, of_vertices)
+    _add_triangles(of_vertices, mesh.faces, total)
     return f"{total[0]:016x}"
 
 
+@each("words")
+def _hash_vertices(i: int, words: UInt32Rows, hashes: UInt64s) -> None:
+    """Write the hash (n,) of each vertex. Args: words: (n, 3), the bits of coordinates."""
+    x = hash64(np.uint64(words[i, 0]))
+    x = hash64(x ^ np.uint64(words[i, 1]))
+    hashes[i] = hash64(x ^ np.uint64(words[i, 2]))
+
+
 @kernel
-def _hash_triangles(words: UInt32Rows, faces: Int32Rows, total: UInt64s) -> None:
-    """Add up hashes of the triangles. Args: words: (n, 3), the bits of coordinates. total: (1,), a sum, written."""
+def _add_triangles(of_vertices: UInt64s, faces: Int32Rows, total: UInt64s) -> None:
+    """Add up hashes of the triangles. Args: of_vertices: (n,), hashes. total: (1,), a sum, written."""
     for f in range(len(faces)):
-        a = _hash_corner(words, faces[f, 0])
-        b = _hash_corner(words, faces[f, 1])
-        c = _hash_corner(words, faces[f, 2])
+        a = of_vertices[faces[f, 0]]
+        b = of_vertices[faces[f, 1]]
+        c = of_vertices[faces[f, 2]]
         total[0] += hash64(hash64(b - a) + hash64(c - b) + hash64(a - c))
 
 
@@ -179,10 +189,3 @@ def hash64(x):
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return x ^ (x >> np.uint64(31))
-
-
-@inline
-def _hash_corner(words, vertex):
-    x = hash64(np.uint64(words[vertex, 0]))
-    x = hash64(x ^ np.uint64(words[vertex, 1]))
-    return hash64(x ^ np.uint64(words[vertex, 2]))

@@ -95,12 +95,17 @@ def _objects(source: Asset) -> tuple[AnyInts, list[str]]:
 
 def _kept(source: Asset, seen: Bools, by: PrunedBy, rings: int) -> Bools:
     """The faces that stay: of which something is seen, or of whose object or connected part, and `rings` around."""
+    if by == "objects":
+        group, names = _objects(source)
+        seen = (np.bincount(group, seen, len(names)) > 0)[group]
+    if by != "parts" and not rings:
+        return seen
     mesh = source.mesh
     corners = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
     count = int(corners.max()) + 1
-    if by != "faces":
-        group = connected_components(corners, count)[corners[:, 0]] if by == "parts" else _objects(source)[0]
-        seen = (np.bincount(group, seen) > 0)[group]
+    if by == "parts":
+        part = connected_components(corners, count)[corners[:, 0]]
+        seen = (np.bincount(part, seen) > 0)[part]
     for _ in range(rings):
         beside = np.zeros(count, np.bool_)
         beside[corners[seen]] = True
@@ -111,7 +116,8 @@ def _kept(source: Asset, seen: Bools, by: PrunedBy, rings: int) -> Bools:
 def _gone_objects(source: Asset, kept: Bools) -> list[str]:
     """Objects of which no face stays, and how many they had."""
     of, names = _objects(source)
-    counts, left = np.bincount(of, minlength=len(names)), np.bincount(of, kept, len(names))
+    counts = np.bincount(of, minlength=len(names))
+    left = np.bincount(of, kept, len(names))
     return [
         printable(f"{name} ({count:,} faces)")
         for name, count, kept_count in zip(names, counts.tolist(), left, strict=True)

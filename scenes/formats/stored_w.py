@@ -146,7 +146,8 @@ class FaceTextures(NamedTuple):
 def occlusion_textures(asset: Asset) -> FaceTextures | None:
     """The occlusion textures of a glTF but for ramps, None without any."""
     count = len(asset.mesh.faces)
-    uv, of = np.full((count, 3, 2), np.nan), np.full(count, -1)
+    uv = np.full((count, 3, 2), np.nan)
+    of = np.full(count, -1)
     numbers: dict[tuple[Texture, float], int] = {}
     for run in asset.runs() if asset.is_scene else ():
         part, lookup = asset.parts[run.part], asset.material(run.material.key).occlusion
