@@ -236,7 +236,7 @@ def _sample_vertices(prepared: Prepared) -> PointValues:
     check_memory(prepared.mesh.source, needed, f"to trace rays at {len(points):,} points")
     tracer = prepared.tracer(total)
     inside = inside_solids(
-        points, lambda: receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads, total
+        points, lambda: receivers.first_vertex, prepared.placement, receivers, options.interior, tracer.threads
     )
     if inside.any():
         receivers.flags[np.append(inside, False)[point]] |= np.uint8(Flag.HIDDEN)  # −1, for no point, is the last row

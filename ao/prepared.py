@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -17,6 +18,7 @@ from obscurance.raytrace.system.threads import thread_count
 from obscurance.raytrace.types import Bools, Int64s
 
 from .declared import options_record
+from .estimate.inside import inside_solids
 from .execute.kept import NOTHING_KEPT, Kept
 from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
@@ -29,6 +31,7 @@ from .rays.ray_scene import RayScene
 
 if TYPE_CHECKING:
     from .execute.sample_means import SampleMeans
+    from .points.surface_samples import SurfaceSamples
 
 
 @options_record
@@ -172,6 +175,12 @@ class Prepared(NamedTuple):
             checkpoint.begin(self.placement, self.receivers, self.mus, kind, self.options.identity, digest.hexdigest())
             tracer.checkpoint = checkpoint
         return tracer
+
+    def inside(self, samples: "SurfaceSamples") -> Bools:
+        """The samples (p,) that are inside of solids."""
+        vertex = partial(self.receivers.faces.__getitem__, (samples.face, 0))
+        interior = self.options.interior
+        return inside_solids(samples.points, vertex, self.placement, self.receivers, interior, self.threads)
 
     @property
     def key(self) -> np.uint32:

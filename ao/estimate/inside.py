@@ -1,6 +1,7 @@
-"""Vertices inside a solid: those near closed parts that see backs of faces by most of their rays."""
+"""What is inside a solid: points near closed parts that see backs of faces by most of their rays; samples outside."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -23,6 +24,7 @@ from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.solids import closed_parts
 from obscurance.raytrace.mesh.weld import coincident, connected_components
+from obscurance.raytrace.sampling import derive, hash32, hash32_array
 from obscurance.raytrace.system.parallel import parallel
 from obscurance.raytrace.system.threads import run_blocks
 from obscurance.raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int32s, Int64s
@@ -30,11 +32,14 @@ from obscurance.raytrace.types import AnyInts, Bools, Float32Rows, Float32s, Int
 from ..options import Interior
 from ..points.points import PointArrays, Points
 from ..points.receivers import Receivers
+from ..points.surface_samples import SurfaceSamples
 from ..rays.directions import DirectionTable, choose, turned_frame
 
 RAYS = 16
 _KEY = np.uint32(0x51DE)
+_DRAWING = 1 << 14  # points that the sets of directions are for
 _BLOCK, _NEAR, _MOST = 1 << 7, 1 << 9, 16  # points, and blocks at once
+_ATTEMPTS, _MOST_DRAWN = 6, 1 << 12  # at samples outside: 1, 2, 4, … parts of a site's, of so many samples at most
 _sought: WeakKeyDictionary[Receivers, tuple[Int64s, Bools]] = WeakKeyDictionary()
 
 
@@ -45,12 +50,11 @@ def inside_solids(
     receivers: Receivers,
     interior: Interior,
     threads: int,
-    total_points: int | None = None,
 ) -> Bools:
     """The points (k,) that are inside a solid as the option `interior` defines it: where over half of their rays end
-    on the back of a face. Every bake of a mesh agrees, whatever its seed and whichever vertices it is asked for.
+    on the back of a face. Every bake of a mesh agrees, whatever its seed and whichever points it is asked for.
 
-    Args: vertex: gives a vertex (k,) of the part that each point belongs to. total_points: of the whole mesh; None: k.
+    Args: vertex: gives a vertex (k,) of the part that each point belongs to.
     """
     count, faces, opacity = len(points), receivers.faces, receivers.opacity
     inside = np.zeros(count, np.bool_)
@@ -73,7 +77,7 @@ def inside_solids(
         return inside
     scene = receivers.embree()
     hidden = np.empty(len(candidates), np.bool_)
-    table = DirectionTable.make(RAYS, count if total_points is None else total_points, _KEY)
+    table = DirectionTable.make(RAYS, _DRAWING, _KEY)
 
     def work(start: int, stop: int) -> None:
         some = candidates[start:stop]
@@ -83,6 +87,85 @@ def inside_solids(
     run_blocks(len(candidates), _BLOCK, work, threads, most=_MOST)
     inside[candidates] = hidden
     return inside
+
+
+class OutsideSampler(NamedTuple):
+    """Makes samples of sites outside of solids.
+
+    Attributes:
+        draw: makes samples of some sites (n,), by parts (n,) of a sequence that is even over each and shifted by a key;
+            and says which of the n have any, ascending.
+        is_inside: says which samples (p,) are inside.
+    """
+
+    draw: Callable[[Int64s, Int64s, np.uint32], tuple[SurfaceSamples, Int64s]]
+    is_inside: Callable[[SurfaceSamples], Bools]
+
+    def settle(self, sites: Int64s, samples: SurfaceSamples, key: np.uint32) -> Bools:
+        """Move the samples that all `sites` (k,) have, in place, out of solids; and say which sites are hidden, whose
+        samples stay: of the places drawn first for any seed alike none is outside."""
+        inside = self.is_inside(samples)
+        some = samples.groups_with(inside)
+        hidden = np.zeros(len(samples), np.bool_)
+        if not len(some):
+            return hidden
+        hidden[some] = True
+        drawn, of = self.draw(sites[some], 0 * some, _KEY)
+        hidden[some[of[drawn.groups_with(~self.is_inside(drawn))]]] = False
+        self._move(samples, inside & ~np.repeat(hidden, samples.counts), sites, 0 * sites, key)
+        return hidden
+
+    def elsewhere(self, sites: Int64s, parts: Int64s, key: np.uint32, hidden: Bools) -> tuple[SurfaceSamples, Int64s]:
+        """Samples of sites (n,) as `draw` makes them, but out of solids, and which of the n have any.
+
+        Args: hidden: (n,), sites whose samples stay.
+        """
+        samples, of = self.draw(sites, parts, key)
+        inside = self.is_inside(samples) & ~np.repeat(hidden[of], samples.counts)
+        found = self._move(samples, inside, sites[of], parts[of], key)
+        return (samples, of) if found.all() else (samples.only(np.flatnonzero(found)), of[found])
+
+    def _move(self, samples: SurfaceSamples, inside: Bools, sites: Int64s, parts: Int64s, key: np.uint32) -> Bools:
+        """Replace samples (p,) of `sites` (k,) that are `inside` (p,) by others that are drawn until enough are
+        outside, or, where few are, by these over and over. Returns which sites have any outside (k,)."""
+        some = samples.groups_with(inside)
+        is_some = np.zeros(len(samples), np.bool_)
+        if not len(some):
+            return ~is_some
+        is_some[some] = True
+        # Samples of these sites, `outside` or not, their own and then others, and the row in `some` of each.
+        pool, counts = samples.only(some), samples.counts[some]
+        outside = ~inside[np.repeat(is_some, samples.counts)]
+        row = np.repeat(np.arange(len(some)), counts)
+        own = len(row)
+        lacking = counts - np.bincount(row[outside], minlength=len(some))
+        for attempt in range(_ATTEMPTS + 1):
+            is_last = attempt == _ATTEMPTS  # where there is nothing yet, among the places that do not depend on a seed
+            times = 1 if is_last else 1 << attempt
+            short = np.bincount(row[outside], minlength=len(some)) < (1 if is_last else counts)
+            of_part = np.repeat(np.flatnonzero(short & (times * counts <= _MOST_DRAWN)), times)
+            if not len(of_part):
+                continue
+            others = parts[some[of_part]] * times + np.arange(len(of_part)) % times
+            keys = (0 * others, _KEY) if is_last else (others, derive(key, attempt))
+            drawn, of = self.draw(sites[some[of_part]], *keys)
+            pool = pool.followed_by(drawn)
+            outside = np.append(outside, ~self.is_inside(drawn))
+            row = np.append(row, np.repeat(of_part[of], drawn.counts))
+        # A systematic sample of the others, from a random start: no layer of a texel is preferred.
+        is_other = np.arange(len(row)) >= own
+        enough = np.bincount(row[outside & is_other], minlength=len(some)) >= lacking
+        usable = np.flatnonzero(outside & (is_other | ~enough[row]))
+        usable = usable[np.argsort(row[usable], kind="stable")]
+        found = np.bincount(row[usable], minlength=len(some))
+        of_slot = np.repeat(np.arange(len(some)), lacking)
+        start = np.ldexp(hash32_array(hash32_array(sites[some]) ^ hash32_array(parts[some]) ^ key), -32)
+        along = start[of_slot] + np.arange(len(of_slot)) - (np.cumsum(lacking) - lacking)[of_slot]
+        chosen = (np.cumsum(found) - found)[of_slot] + (along * found[of_slot] / lacking[of_slot]).astype(np.int64)
+        filled = found[of_slot] > 0
+        samples.put(np.flatnonzero(inside)[filled], pool, usable[chosen[filled]])
+        is_some[some[found > 0]] = False
+        return ~is_some
 
 
 def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:
@@ -112,6 +195,7 @@ def _find_hidden(
     hidden: Bools,
 ) -> None:
     """Whether over half of each point's rays end on the back of a face, bool (k,); no more are traced than decide.
+    Their directions are drawn by where the point is.
 
     Args: solids: the part (m,) that each face bounds, −1 for none; the part (k,) of each point, whose faces do not
         hide it; the rays' length.
@@ -121,8 +205,12 @@ def _find_hidden(
     directions = table.directions
     samples = directions.shape[2]
     ids = rays.view(np.uint32)
+    bits = points.origins.view(np.uint32)
     for i in range(len(points.origins)):
-        chosen, turn = choose(points.numbers[i], table)
+        number = np.uint32(0)
+        for axis in range(3):
+            number = hash32(number ^ bits[i, axis])
+        chosen, turn = choose(number, table)
         n = points.normals[i]
         t, b = turned_frame(n, turn)
         count = np.int64(0)

@@ -8,14 +8,15 @@ from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.sampling import derive, hash32_array
-from obscurance.raytrace.types import AnyInts, Bools, Float32s, Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Float32s, Float64s, Int64s, UInt32s
 
 from ..estimate.estimate import estimate_outside
-from ..estimate.inside import inside_solids
+from ..estimate.inside import OutsideSampler
 from ..estimate.one_ring import Neighbours
 from ..estimate.sites import SEVERAL_PLACES, Sites
 from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
+from ..points.points import Points
 from ..points.receivers import Flag
 from ..points.smooth_surface import PointGroups, SmoothSurface, VertexAxes
 from ..points.surface_samples import SurfaceSamples
@@ -55,35 +56,25 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
         nothing = np.zeros_like(vertices)
         surface = surface._replace(axes=VertexAxes(nothing, nothing))
 
-    def samples_of(numbers: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
+    def draw(numbers: Int64s, parts: Int64s, key: np.uint32) -> tuple[SurfaceSamples, Int64s]:
         """Jittered samples on the faces `numbers` (n,), more on larger ones, others in each of some `parts` (n,)."""
         on_faces = _spread(faces[numbers], parts, areas[numbers] / areas.sum(), key)
         all_count = np.zeros(len(numbers), np.bool_)
-        return SurfaceSamples.place(on_faces, all_count, surface, receivers, threads)
+        return SurfaceSamples.place(on_faces, all_count, surface, receivers, threads), np.arange(len(numbers))
 
-    def outside(samples: SurfaceSamples) -> tuple[SurfaceSamples, Bools]:
-        """The samples outside of solids, and which faces (k,) have none: all of their samples are inside."""
-        inside = inside_solids(
-            samples.points,
-            lambda: receivers.faces[samples.face, 0],
-            prepared.placement,
-            receivers,
-            options.interior,
-            threads,
-        )
-        hidden = np.ones(len(samples), np.bool_)
-        hidden[samples.groups_outside(inside)] = False
-        inside &= ~np.repeat(hidden, samples.counts)
-        return samples.without(inside, threads) if inside.any() else samples, hidden
+    # Their samples, out of solids, but of those that are inside.
+    outside = OutsideSampler(draw, prepared.inside)
+    everything, key = np.arange(len(faces)), derive(prepared.key, _PLACES)
+    samples, _ = draw(everything, 0 * everything, key)
+    hidden = outside.settle(everything, samples, key)
 
     def elsewhere(numbers: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
-        return outside(samples_of(numbers, parts, key))[0]
+        return outside.elsewhere(numbers, parts, key, hidden[numbers])[0]
 
     # Their estimates, by each falloff.
-    everything = np.arange(len(faces))
-    samples, hidden = outside(samples_of(everything, 0 * everything, derive(prepared.key, _PLACES)))
     tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere, _RAYS), "faces", checkpoint)
-    points = samples.first_points
+    middle = surface.points_at(faces, np.full((len(faces), 3), 1 / 3, np.float32), threads)
+    points = Points.lifted(middle.positions, middle.positions, middle.axes)
     sites = Sites.alike(points, partial(_neighbours, corners, points.normals, threads), SEVERAL_PLACES)
     filled = hidden & (options.interior != "mark")
     values = PointValues.of(*estimate_outside(tracer, sites, filled, options), tracer.rays)
@@ -138,7 +129,7 @@ def _spread(faces: Int64s, parts: Int64s, shares: Float64s, key: np.uint32) -> P
         for digit in range(k):
             part += (number // 4**digit + (turns >> np.uint32(2 * digit))) % 4 * 4**digit
         sample = starts[of_depth][:, None] + number
-        within = _uniform(sample, derive(key, _JITTER))
+        within = _uniform(turns + number.astype(np.uint32), derive(key, _JITTER))
         barycentric[sample] = np.einsum("rsc,rscb->rsb", within, triangles[part])
     return PointGroups(starts, np.repeat(faces, 4**depth).astype(np.int32), barycentric)
 
@@ -150,10 +141,10 @@ def _quartered(triangles: Float64s) -> Float64s:
     return np.concatenate([opposite, *corners])
 
 
-def _uniform(numbers: Int64s, key: np.uint32) -> Float32s:
+def _uniform(numbers: UInt32s, key: np.uint32) -> Float32s:
     """Barycentric coordinates (…, 3) of points that are uniform in a triangle."""
-    random = hash32_array(np.stack([2 * numbers, 2 * numbers + 1])) ^ key
-    u, v = np.ldexp(hash32_array(random), -32)
+    random = hash32_array(numbers) ^ key
+    u, v = np.ldexp(hash32_array(np.stack([random, ~random])), -32)
     root = np.sqrt(u)
     return np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
 

@@ -12,7 +12,6 @@ from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.types import Int64s, UInt8s
 
 from ..estimate.estimate import estimate_outside
-from ..estimate.inside import inside_solids
 from ..estimate.one_ring import Neighbours
 from ..estimate.sites import ONE_PLACE, Sites
 from ..execute.sample_means import SampleMeans
@@ -31,16 +30,14 @@ def sample_fine_mesh(prepared: Prepared, coarse: Mesh, inputs: Inputs) -> tuple[
 
     Raises: MeshError: nothing is within the cage around `coarse`, or it is one of another mesh; or faces lack areas.
     """
-    options, fine, threads = prepared.options, prepared.receivers, prepared.threads
+    options, threads = prepared.options, prepared.threads
     # Points of the fine mesh in place of the vertices, and which of them are missed or hidden.
     vertices = find_receivers(coarse, Placement.of(coarse), options.normals)
     if not len(vertices.points):
         raise MeshError(coarse.source, "faces", "some that have an area", "none")
     projected, missed = _project(prepared, coarse, vertices, inputs)
     samples, order = _place(prepared, projected)
-    inside = inside_solids(
-        samples.points, lambda: fine.faces[samples.face, 0], prepared.placement, fine, options.interior, threads
-    )
+    inside = prepared.inside(samples)
     flags = vertices.flags & ~np.uint8(_OWN_CORNERS)
     _flag(flags, vertices, missed, Flag.MISSED)
     _flag(flags, vertices, order[inside], Flag.HIDDEN)

@@ -12,7 +12,6 @@ import numpy as np
 
 from obscurance.raytrace.mesh.opacity import PackedOpacity, alphas
 from obscurance.raytrace.ray_origins.origins import ray_origins
-from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.system.threads import run_blocks
 from obscurance.raytrace.types import Bools, Float32s, Int32s, Int64s
 
@@ -88,18 +87,19 @@ class SurfaceSamples:
         """One point of each group, for what asks where it is; numbered by the groups."""
         return replace(self.points[self.starts[:-1]], numbers=np.arange(len(self), dtype=np.uint32))
 
-    def groups_outside(self, hidden: Bools) -> Int64s:
-        """Which groups have a sample that is not `hidden` (p,), ascending."""
-        return np.flatnonzero(np.add.reduceat(~hidden, self.starts[:-1], dtype=np.int64))
+    def groups_with(self, marked: Bools) -> Int64s:
+        """Which groups have a sample that is `marked` (p,), ascending."""
+        return np.flatnonzero(np.add.reduceat(marked, self.starts[:-1], dtype=np.int64))
 
-    def without(self, hidden: Bools, threads: int) -> SurfaceSamples:
-        """The groups that have a sample which is not `hidden` (p,); their hidden samples are replaced by others of
-        the group."""
-        groups = self.groups_outside(hidden)
-        starts = np.concatenate([[0], np.cumsum(self.counts[groups])])
-        source = np.empty(starts[-1], np.int64)
-        _replace.on(threads)(groups, self.starts, hidden, starts, source)
-        return self.rearranged(starts, source, self.all_count[groups])
+    def put(self, rows: Int64s, others: SurfaceSamples, source: Int64s) -> None:
+        """Replace the samples `rows` (q,) by the samples `source` (q,) of others; their numbers stay."""
+        self.face[rows] = others.face[source]
+        self.geometric_normals[rows] = others.geometric_normals[source]
+        mine, given = self.points, others.points
+        for to, values in zip(
+            (mine.origins, mine.normals, mine.lifts), (given.origins, given.normals, given.lifts), strict=True
+        ):
+            to[rows] = values[source]
 
     def rearranged(self, starts: Int64s, source: Int64s, all_count: Bools) -> SurfaceSamples:
         """Groups made of the samples `source` (q,), group i of those from starts[i] on, numbered anew."""
@@ -136,16 +136,3 @@ def with_alpha(located: LocatedPoints, opacity: PackedOpacity | None, face: Int6
         alphas(opacity, face, barycentric[:, 1:].astype(np.float64), alpha)
         packed[:, 3] = alpha
     return packed
-
-
-@each("groups")
-def _replace(i: int, groups: Int64s, starts: Int64s, hidden: Bools, new_starts: Int64s, source: Int64s) -> None:
-    """Write which samples of the `groups` are not `hidden`, over and over, until each group has as many as before."""
-    begin = starts[groups[i]]
-    end = starts[groups[i] + 1]
-    sample = begin
-    for k in range(new_starts[i], new_starts[i + 1]):
-        while hidden[sample]:
-            sample = sample + 1 if sample + 1 < end else begin
-        source[k] = sample
-        sample = sample + 1 if sample + 1 < end else begin

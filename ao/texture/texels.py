@@ -10,7 +10,7 @@ from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s, UInt8s
 
-from ..estimate.inside import inside_solids
+from ..estimate.inside import OutsideSampler
 from ..estimate.sites import ONE_PLACE, PREDICTED, SEVERAL_PLACES
 from ..options import TextureOptions
 from ..points.points import Points
@@ -39,6 +39,7 @@ class Texels:
     points: Points  # k, where they lie
     page_face: Int32s  # (k,), the face on the page at each texel's first sample
     page_barycentric: Float32s  # (k, 3), where on it
+    all_inside: bool  # and so left as they are: of a room whose walls face outwards, for instance
 
     def __len__(self) -> int:
         return len(self.texels)
@@ -83,10 +84,11 @@ class TexelSampler:
         single = coverage.samples(order, by_centre, threads, most=1)
         order = order[morton_order(smooth.positions_at(single.face, single.barycentric, threads))]
         samples, missed = self._place(coverage, order, by_centre)
-        inside = self._inside(samples)
-        if inside.any() and not inside.all():  # all: a room whose walls face outwards, for instance
-            order = order[samples.groups_outside(inside)]
-            samples = samples.without(inside, threads)
+        hidden = self._outside.settle(coverage.texels[order], samples, self.prepared.key)
+        all_inside = bool(hidden.all())
+        if hidden.any() and not all_inside:
+            seen = np.flatnonzero(~hidden)
+            order, samples = order[seen], samples.only(seen)
         # The others are predicted from these: their cells' rows, and one point of each.
         baked = np.full(len(cell), -1)
         baked[order] = np.arange(len(order))
@@ -97,31 +99,33 @@ class TexelSampler:
         between = slice(len(order), None)
         located = smooth.points_at(single.face[between], single.barycentric[between], threads)
         points = samples.first_points.followed_by(Points.lifted(located.positions, located.positions, located.axes))
-        texels = Texels(
-            coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, single.face, single.barycentric
-        )
+        shown = single.face, single.barycentric
+        texels = Texels(coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, *shown, all_inside)
         return texels, len(by_centre) - len(texels), missed
 
     def elsewhere(self, texels: Texels, rows: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
         """Samples of the texels `rows` (n,), by `parts` (n,) 0, 1, … of a sequence that is even over each and shifted
         by a key; where all of these are in solids, the texel's own, or those of what stands for it."""
-        order = np.argsort(texels.texels[rows], kind="stable")
-        chosen = texels.texels[rows[order]]
-        coverage = self.page.cover(self.options.overlap, self.prepared.threads, chosen, parts[order], key)
-        of = order[coverage.rows]
-        order = np.argsort(of)
-        samples, _ = self._place(coverage, order, np.zeros(len(coverage.texels), np.bool_), required=False)
-        moved = of[order]
-        # Where these are in solids the texel's own samples stay.
-        inside = self._inside(samples)
-        if inside.any() and not inside.all():
-            moved = moved[samples.groups_outside(inside)]
-            samples = samples.without(inside, self.prepared.threads)
+        hidden = np.full(len(rows), texels.all_inside)
+        samples, moved = self._outside.elsewhere(texels.texels[rows], parts, key, hidden)
         unmoved = np.setdiff1d(np.arange(len(rows)), moved)
         if not len(unmoved):
             return samples
         together = samples.followed_by(texels.samples.only(texels.cell[rows[unmoved]]))
         return together.only(np.argsort(np.append(moved, unmoved)))
+
+    @property
+    def _outside(self) -> OutsideSampler:
+        return OutsideSampler(self._draw, self.prepared.inside)
+
+    def _draw(self, texels: Int64s, parts: Int64s, key: np.uint32) -> tuple[SurfaceSamples, Int64s]:
+        """Samples of some `texels` (n,) of the page, by parts (n,) and a key; and which of them have any, ascending."""
+        order = np.argsort(texels, kind="stable")
+        coverage = self.page.cover(self.options.overlap, self.prepared.threads, texels[order], parts[order], key)
+        of = order[coverage.rows]
+        order = np.argsort(of)
+        samples, _ = self._place(coverage, order, np.zeros(len(coverage.texels), np.bool_), required=False)
+        return samples, of[order]
 
     def _cells(self, coverage: Coverage) -> tuple[Bools, Int64s]:
         """The texels (k,) with one sample, at their centre, and the row (k,) of the texel that stands for each."""
@@ -167,9 +171,3 @@ class TexelSampler:
             prepared.mesh.source, prepared.placement, prepared.receivers, prepared.threads, prepared.progress
         )
         return fine.project(located.positions, located.axes, reach, groups, required)
-
-    def _inside(self, samples: SurfaceSamples) -> Bools:
-        """The samples (p,) that are inside of solids."""
-        placement, receivers = self.prepared.placement, self.prepared.receivers
-        vertex, threads = lambda: receivers.faces[samples.face, 0], self.prepared.threads
-        return inside_solids(samples.points, vertex, placement, receivers, self.options.interior, threads)
