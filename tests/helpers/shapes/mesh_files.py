@@ -49,18 +49,19 @@ def off(vertices=VERTICES, faces=FACES):
     return "\n".join(["OFF", "# made for a test", f"{len(vertices)} {len(faces)} 0", *rows, ""]).encode()
 
 
-def obj(vertices=VERTICES, faces=FACES, normals=None, uv=None, names=None):
-    """Args: names: of the objects of the faces, one after the other."""
+def obj(vertices=VERTICES, faces=FACES, normals=None, uv=None, names=None, of=None):
+    """Args: names: of the objects of the faces, one after the other; of: the normals at corners, not the vertices'."""
     columns = {"v": vertices, "vn": normals, "vt": uv}
     rows = [f"{key} {line}" for key, column in columns.items() if column is not None for line in _lines(column)]
     corner = "{0}/{0}" if uv is not None else "{0}"
-    corner += "" if normals is None else "/{0}" if uv is not None else "//{0}"
+    corner += "" if normals is None else "/{1}" if uv is not None else "//{1}"
     last = None
     for number, face in enumerate(faces):
         if names and names[number] != last:
             last = names[number]
             rows.append(f"o {last}")
-        rows.append("f " + " ".join(corner.format(index + 1) for index in face))
+        pairs = zip(face, face if of is None else of[number], strict=True)
+        rows.append("f " + " ".join(corner.format(index + 1, normal + 1) for index, normal in pairs))
     return "\n".join([*rows, ""]).encode()
 
 

@@ -151,8 +151,7 @@ def compressed(name, kind):
 def test_gltf_mistakes(tmp_path, changes, expected):
     builder = Builder()
     builder.mesh(builder.primitive(QUAD, HALVES))
-    header = builder.header | {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
-    header["buffers"] = [{"uri": "m.bin", "byteLength": len(builder.binary)}]
+    header = builder.gltf([{"mesh": 0}])
     (tmp_path / "m.bin").write_bytes(builder.binary)
     change(header, changes)
     message = mistake(tmp_path, "m.gltf", json.dumps(header).encode())
