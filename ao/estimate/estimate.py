@@ -47,9 +47,8 @@ def estimate_outside(tracer: Tracer, sites: Sites, inside: Bools, options: Optio
     graph = cells.joined(sites.neighbours, traced.points.normals)
     estimates = estimate(tracer, traced, options)
     known = [np.column_stack([baked.w, baked.bent, baked.variance]) for baked in estimates]
-    if options.tolerance is not None:  # an error at the edge of the hidden sites stands for many
-        edge = np.zeros(len(kept), np.bool_)
-        edge[np.diff(cells.starts) > 1] = True
+    edge = np.diff(cells.starts) > 1
+    if options.tolerance is not None and edge.any():  # an error at the edge of the hidden sites stands for many
         edge[graph.indices[np.repeat(edge, np.diff(graph.starts))]] = True
         enough = min(max(2 * estimates[0].mean_samples, rays_alone(options.tolerance)), options.rays)
         rounds, rays = by_rays(

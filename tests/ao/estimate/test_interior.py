@@ -153,6 +153,15 @@ def test_a_part_with_nothing_in_sight_keeps_its_values() -> None:
     np.testing.assert_array_equal(marked.w, filled.w)
 
 
+@pytest.mark.parametrize("options", [{"samples": 64}, {"tolerance": 0.02}], ids=str)
+def test_so_does_a_closed_box_in_a_closed_box_at_faces(options: dict[str, float]) -> None:
+    """No hidden face has another to take a value from."""
+    boxes = trimesh.util.concatenate([trimesh.creation.box((2, 2, 2)), trimesh.creation.box((1, 1, 1))])
+    baked = ao.bake(boxes, "binary", at="faces", **options)
+    assert baked.w[:12].min() > 0.97
+    assert baked.w[12:].max() == 0
+
+
 def test_an_unknown_policy_is_a_mistake(solids: Mesh) -> None:
     with pytest.raises(OptionError, match="interior"):
         ao.bake(solids, interior="perhaps")  # type: ignore[arg-type]
