@@ -39,7 +39,7 @@ RAYS = 16
 _KEY = np.uint32(0x51DE)
 _DRAWING = 1 << 14  # points that the sets of directions are for
 _BLOCK, _NEAR, _MOST = 1 << 7, 1 << 9, 16  # points, and blocks at once
-_ATTEMPTS, _MOST_DRAWN = 6, 1 << 12  # at samples outside: 1, 2, 4, … parts of a site's, of so many samples at most
+_ATTEMPTS, _MOST_DRAWN = 4, 1 << 12  # at samples outside: 1, 2, 4, … parts of a site's, of so many samples at most
 _sought: WeakKeyDictionary[Receivers, tuple[Int64s, Bools]] = WeakKeyDictionary()
 
 

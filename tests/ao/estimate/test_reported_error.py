@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 import site_families as families
+import trimesh
 from meshes import crumpled, hills
 
 from obscurance import ao
@@ -131,6 +132,30 @@ def test_of_faces(side):
         bakes.append(bake(ao.bake, mesh, "binary", at="faces", tolerance=0.01, seed=seed, only=only))
         errors.append(np.mean((bakes[-1].w[: len(truth)] - truth) ** 2))
     check(bakes, errors, 0.01)
+
+
+def solids_through_one_another(seed):
+    """Boxes whose faces lie inside one another in part."""
+    random = np.random.default_rng(seed)
+    parts = []
+    for _ in range(3):
+        box = trimesh.creation.box(random.uniform(0.4, 1.6, 3)).subdivide().subdivide()
+        box.apply_transform(trimesh.transformations.random_rotation_matrix(random.random(3)))
+        parts.append(box.apply_translation(random.normal(scale=0.4, size=3)))
+    return trimesh.util.concatenate(parts)
+
+
+@pytest.mark.parametrize(
+    "options", [pytest.param({"samples": 64}, marks=pytest.mark.slow), {"tolerance": 0.015}], ids=str
+)
+def test_of_faces_that_are_in_solids_in_part(options):
+    bakes, errors = [], []
+    for seed in range(70, 72):
+        faces = partial(bake, ao.bake, solids_through_one_another(seed), "binary", at="faces")
+        truths = [faces(samples=512, denoise=False, seed=900 + k).w for k in (0, 1)]
+        bakes.append(faces(seed=seed, **options))
+        errors.append(squared(bakes[-1], *truths))
+    check(bakes, errors, options.get("tolerance", 1.0))
 
 
 def soup(seed):
