@@ -28,7 +28,7 @@ from ..formats.unsupported import unsupported_features
 from ..show.progress import progress
 
 if TYPE_CHECKING:
-    from ..asset.asset import Asset, Named, Part
+    from ..asset.asset import Asset, Part
     from ..formats.gltf.asset import Gltf
     from ..formats.gltf.builder import GlbBuilder
 
@@ -84,19 +84,10 @@ def prune(
     return f"{text}{listed}. Of what one of these looks at less than {unseen.share:.2%} is open, with 95 % confidence"
 
 
-def _objects(source: Asset) -> tuple[AnyInts, list[str]]:
-    """The number of the object (m,) of each face, and the objects' names."""
-    numbers: dict[Named, int] = {}
-    of = np.zeros(len(source.mesh.faces), np.int64)
-    for run in source.runs():
-        of[run.faces] = numbers.setdefault(run.object, len(numbers))
-    return of, [named.name for named in numbers]
-
-
 def _kept(source: Asset, seen: Bools, by: PrunedBy, rings: int) -> Bools:
     """The faces that stay: of which something is seen, or of whose object or connected part, and `rings` around."""
     if by == "objects":
-        group, names = _objects(source)
+        group, names = source.objects_of_faces
         seen = (np.bincount(group, seen, len(names)) > 0)[group]
     if by != "parts" and not rings:
         return seen
@@ -115,7 +106,7 @@ def _kept(source: Asset, seen: Bools, by: PrunedBy, rings: int) -> Bools:
 
 def _gone_objects(source: Asset, kept: Bools) -> list[str]:
     """Objects of which no face stays, and how many they had."""
-    of, names = _objects(source)
+    of, names = source.objects_of_faces
     counts = np.bincount(of, minlength=len(names))
     left = np.bincount(of, kept, len(names))
     return [
