@@ -123,18 +123,19 @@ def shuffled_owen_sobol(sets: int, count: int, key: np.uint32) -> tuple[Float64s
     return np.take_along_axis(u, order, axis=1), np.take_along_axis(v, order, axis=1)
 
 
-def jittered_lattice(
-    sets: int, count: int, key: np.uint32, step: float = GOLDEN, part: slice = slice(None)
-) -> tuple[Float64s, Float64s]:
-    """`sets` independent lattices of `count` points, or a `part`, ordered by u: two arrays (sets, count) in (0, 1).
+def jittered_lattice(sets: int, count: int, key: np.uint32, step: float = GOLDEN) -> tuple[Float64s, Float64s]:
+    """`sets` lattices of `count` points, ordered by u: two arrays (sets, count) in (0, 1).
 
-    The v of a whole set are to be turned (mod 1) by a random amount, as directions are about their axis.
+    The jitter of each stratum of u is stratified over the sets (Latin hypercube sampling, McKay, Beckman & Conover
+    1979), so that means over many sets are even. The v of a whole set are to be turned (mod 1) by a random amount, as
+    directions are about their axis.
     """
     rank = np.arange(count)
-    keys = _keys(sets, key)[:, part, None]
-    chance = np.ldexp(hash32_array(hash32_array(rank.astype(np.uint32)) ^ keys) + 0.5, -32)
-    u = (rank + chance[0]) / count
-    v = (rank * step + chance[1] / count) % 1.0
+    hashed = hash32_array(hash32_array(rank.astype(np.uint32)) ^ _keys(sets, key)[:, :, None])
+    stratum = np.argsort(hashed[0], axis=0)  # a permutation by chance: of one rank all hashes are different
+    within = np.ldexp(hash32_array(hashed[0]) + 0.5, -32)
+    u = (rank + (stratum + within) / sets) / count
+    v = (rank * step + np.ldexp(hashed[1] + 0.5, -32) / count) % 1.0
     return u, v
 
 

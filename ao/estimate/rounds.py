@@ -342,17 +342,34 @@ def _more_rays(rounds: list[Round], own: Copies, goal: float, max_samples: int, 
     `goal`, or nearer."""
     most = max(rounds, key=lambda round_: round_.mean)
     sites, error = most.sites, _of_all(rounds)
+    traced_error = error[sites.traced]
     beyond = most.mean / goal
     farthest = _FARTHEST if mean_square(error) < _UNEVEN * np.mean(error) ** 2 else _NEAR
     aim = goal * (max(_AIM, _NEARLY / np.sqrt(beyond)) if beyond < farthest else beyond ** (2 / 3))
     if sites.cell is not None:  # rays change nothing of what predicted sites err by more than those that predict them
         excess = max(float(np.sum(most.error - most.error[sites.cell])), 0.0) / len(sites)
-        error = error[sites.traced]
-        aim = float(np.mean(error)) * min(max(aim - excess, aim / 4) / max(most.mean - excess, 1e-300), 1.0)
+        aim = float(np.mean(traced_error)) * min(max(aim - excess, aim / 4) / max(most.mean - excess, 1e-300), 1.0)
     fall = RATE
     if denoise:
-        missing = max(most.mean if sites.cell is None else float(np.mean(error)), aim)
+        missing = max(most.mean if sites.cell is None else float(np.mean(traced_error)), aim)
         fall = fall_of(sites.graph, np.ascontiguousarray(most.gathered[:, 0]), most.level, missing, aim)
     worth, rays = own.worth_at(sites.traced), own.rays[sites.traced]
-    more = rays_to_add(error, worth, max_samples, aim, fall, sites.graph.threads)
+    wanted_by = _of_neighbours(sites, traced_error, worth ** (fall / RATE))
+    more = rays_to_add(wanted_by, worth, max_samples, aim, fall, sites.graph.threads)
     return np.minimum(more, max_samples - rays)
+
+
+def _of_neighbours(sites: Sites, error: Float64s, fallen: Float64s) -> Float64s:
+    """Squared errors (b,) of the traced sites as their neighbours let expect them, with the mean of their own `error`.
+
+    The rays that a site gets must not depend on what its rays have met: corrected would be those alone that met
+    something by chance, and w would be too large in the mean. At sites of several places, across which edges run that
+    neighbours know nothing of, their own errors count as much. Args: fallen: (b,), what the errors fall by with the
+    rays that each site has.
+    """
+    own = (error * fallen).astype(np.float32)
+    around = sites.graph.means(own, 0.0)
+    around[np.isnan(around)] = own[np.isnan(around)]
+    own_share = np.where(sites.kinds[sites.traced] == SEVERAL_PLACES, 0.5, 0.0)
+    expected = (around + own_share * (own - around)) / fallen
+    return np.asarray(expected * (np.mean(error) / max(float(np.mean(expected)), 1e-300)))

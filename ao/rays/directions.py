@@ -75,15 +75,16 @@ class DirectionTable(NamedTuple):
         count = lattices * leap
         step = {1: GOLDEN, RUN: _RUN_STEP}.get(leap, LEAPED)
 
+        u, v = jittered_lattice(lattices, samples * leap, key, step)
+        v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
+
         def by_set(coordinates: Float64s) -> Float64s:
             """Coordinates (s, samples) of sets from those of their lattices, (s / leap, samples·leap)."""
             return coordinates.reshape(-1, samples, leap).swapaxes(1, 2).reshape(-1, samples)
 
         def directions_of(start: int, stop: int) -> Float64s:
             """The sets (s, 3, samples) of the lattices from `start` to `stop`, as the lattices order them."""
-            u, v = jittered_lattice(lattices, samples * leap, key, step, slice(start, stop))
-            v -= step * (np.arange(samples * leap) % leap)  # parts that are alike: `choose` turns them back
-            return cosine_hemisphere(lobe.squared_sines(by_set(u)), by_set(v))
+            return cosine_hemisphere(lobe.squared_sines(by_set(u[start:stop])), by_set(v[start:stop]))
 
         # Directions that lie together stand together, so that cones about blocks of them are narrow.
         order = _in_blocks(*directions_of(0, 1)[0, :2])

@@ -54,7 +54,7 @@ def test_the_error_is_that_of_the_closed_form():
 
 @pytest.mark.parametrize("tolerance", [0.1, 0.02, 0.005])
 def test_faces_are_too_large_from_an_error_of_a_twentieth_whatever_the_tolerance(tolerance):
-    found = {n: ao.bake(hills(n), "binary", tolerance=tolerance) for n in (6, 8, 12)}
+    found = {n: ao.bake(hills(n), "binary", tolerance=tolerance, seed=1) for n in (6, 8, 12)}
     assert [each.coarse for each in found.values()] == [True, True, False]
     assert 0.05 < found[8].interpolation.at_least < 0.1
     assert found[12].interpolation.rmse < 0.045

@@ -27,46 +27,6 @@ meshes = pytest.mark.parametrize("name", ["soup", "torus"])
 
 @falloffs
 @meshes
-def test_translation_far_away(name: str, falloff: Falloff) -> None:
-    vertices, faces = MESHES[name]
-    vertices = np.round(vertices * 2**20) / 2**20  # exact after the move, too
-    far = np.array([1e6, -1e6, 1e6])
-    moved = vertices + far
-    np.testing.assert_array_equal(moved - far, vertices)
-    here, there = (ao.bake(Mesh(v, faces), falloff, samples=SAMPLES, denoise=False).w for v in (vertices, moved))
-    assert np.abs(here - there).max() <= 1 / SAMPLES + 1e-6  # a ray at an edge may fall on its other side
-    assert np.mean(np.abs(here - there) > 1e-6) < 0.1
-
-
-@meshes
-@pytest.mark.parametrize("scale", [1e-6, 0.37, 1024.0, 3e7])
-def test_scale_with_its_rate(name: str, scale: float) -> None:
-    vertices, faces = MESHES[name]
-    for plain, scaled in (
-        (ao.Binary(0.8), ao.Binary(0.8 * scale)),
-        (ao.Exponential(tau=1.5), ao.Exponential(tau=1.5 / scale)),
-        (ao.Exponential(tau=1.5, max_distance=0.8), ao.Exponential(tau=1.5 / scale, max_distance=0.8 * scale)),
-    ):
-        w = ao.bake(Mesh(vertices, faces), plain, samples=SAMPLES, denoise=False).w
-        again = ao.bake(Mesh(scale * vertices, faces), scaled, samples=SAMPLES, denoise=False).w
-        assert np.abs(w - again).max() <= 1 / SAMPLES + 1e-6
-        assert np.mean(np.abs(w - again) > 1e-5) < 0.1
-
-
-@falloffs
-@meshes
-def test_face_permutation_and_doubled_faces(name: str, falloff: Falloff) -> None:
-    vertices, faces = MESHES[name]
-    w = ao.bake(Mesh(vertices, faces), falloff, samples=SAMPLES, denoise=False).w
-    order = np.random.default_rng(1).permutation(len(faces))
-    for other in (np.roll(faces[order], 1, axis=1), np.concatenate([faces, faces])):
-        again = ao.bake(Mesh(vertices, other), falloff, samples=SAMPLES, denoise=False).w
-        assert np.abs(w - again).max() <= 1 / SAMPLES + 1e-6  # normals may round otherwise
-        assert np.mean(np.abs(w - again) > 1e-6) < 0.1
-
-
-@falloffs
-@meshes
 def test_normals_behind_all_faces_are_as_none(name: str, falloff: Falloff) -> None:
     vertices, faces = MESHES[name]
     a, b, c = vertices[faces].transpose(1, 0, 2)

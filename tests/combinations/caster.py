@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from reference import nearest_hits
 
 _LIFT, _CLOSE = 1e-9, 1e-6  # of the scene's size: where rays start, and what touches
 PARTS = 8  # of the places and rays of a value, from whose spread its error follows
@@ -26,43 +27,11 @@ class Medium:
     size: float
 
 
-def falloff(name, half_distance, limit):
-    """μ of distances by its definition."""
-
-    def mu(distance):
-        with np.errstate(over="ignore", invalid="ignore"):
-            near = distance < limit
-            if name == "binary":
-                return np.where(near, 0.0, 1.0)
-            x = np.minimum(distance / limit, 1.0) if np.isfinite(limit) else distance
-            if name == "linear":
-                return x
-            if name == "smooth":
-                return x * x * (3 - 2 * x)
-            open_part = 1 - 2 ** -(distance / half_distance)
-            return np.where(near, open_part / (1 - 2 ** -(limit / half_distance)), 1.0)
-
-    return mu
-
-
 def distances(medium, origins, directions):
     """To the nearest hit (k,), or infinity."""
-    nearest = np.full(len(origins), np.inf)
-    for part in medium.patches:
-        across = np.cross(part.u, part.v)
-        squared = across @ across
-        ahead = directions @ across
-        offset = part.corner - origins
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = offset @ across / ahead
-            s, r = (
-                (t * (directions @ along) - offset @ along) / squared
-                for along in (np.cross(part.v, across), np.cross(across, part.u))
-            )
-            hit = (t > 0) & (s >= 0) & (s <= 1) & (r >= 0) & (r <= 1)
-        if medium.fronts:
-            hit &= ahead < 0
-        nearest = np.where(hit & (t < nearest), t, nearest)
+    squares = [part.at(np.array([0, 1, 1, 0.0]), np.array([0, 0, 1, 1.0])) for part in medium.patches]
+    corners = np.concatenate([square[[[0, 1, 2], [0, 2, 3]]] for square in squares])
+    nearest = nearest_hits(origins, directions, corners, medium.fronts)
     if medium.ground is not None:
         place, up = medium.ground
         with np.errstate(divide="ignore", invalid="ignore"):

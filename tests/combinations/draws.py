@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import OpenImageIO as oiio
 from command import obscurance
+from reference import falloff
 
 from . import caster, files
 from .patches import FAMILIES, Patch, posed
@@ -86,15 +87,8 @@ class _Draw:
                 self.model.place.append((0, 0))
                 if charts is not None:
                     self.model.uv.append((0, 0))
-        content = {
-            "obj": lambda: files.obj(self.model, self.with_normals),
-            "off": lambda: files.off(self.model),
-            "stl": lambda: files.stl(self.model),
-            "ply": lambda: files.ply(
-                self.model, self.chance(0.4), not self._near() or self.chance(0.5), self.with_normals
-            ),
-            "glb": lambda: files.glb(self.model, self.with_normals, rng),
-        }[form]()
+        kinds = {"text": self.chance(0.4), "double": not self._near() or self.chance(0.5)} if form == "ply" else {}
+        content = files.content(self.model, form, rng, self.with_normals, **kinds)
         mesh = self.folder / f"mesh.{form}"
         mesh.write_bytes(content)
         self.inputs = [mesh]
@@ -127,7 +121,7 @@ class _Draw:
             cloud.vertices.append(part.at(*map(np.array, place)) + 0.01 * self.size * part.normal)
             cloud.normals.append(part.normal)
         self.cloud = cloud
-        (self.folder / "cloud.ply").write_bytes(files.ply(cloud, False, True, True))
+        (self.folder / "cloud.ply").write_bytes(files.content(cloud, "ply", self.rng, with_normals=True))
         self.inputs = [self.folder / "cloud.ply"]
         self.line += ["--points", "--occluder", mesh]
 
@@ -147,7 +141,7 @@ class _Draw:
         if form in ("linear", "smooth") or self.chance(0.25):
             limit = float(self.size * rng.uniform(0.1, 0.8))
             line += ["--max-distance", repr(limit)]
-        mu = caster.falloff(form, half, limit)
+        mu = falloff(form, half, limit)
         # Where rays go.
         spread = float(rng.choice([180, 120, 50], p=[0.8, 0.1, 0.1]))
         if spread < 180:
@@ -203,7 +197,7 @@ class _Draw:
         """A sheet in a file of its own, that gets no w."""
         corner = self.centre + self.size * np.array([-0.3, 0.6, -0.2])
         sheet = Patch(corner, np.array([0, 0, 0.6]) * self.size, np.array([0.5, 0.05, 0]) * self.size, (1, 1), "other")
-        (self.folder / "other.obj").write_bytes(files.obj(files.model([sheet], self.rng), False))
+        (self.folder / "other.obj").write_bytes(files.content(files.model([sheet], self.rng), "obj", self.rng))
         self.line += ["--occluder", self.folder / "other.obj"]
         return sheet
 
@@ -231,7 +225,7 @@ class _Draw:
             return np.load(self.output)["w"].astype(float)
         if self.output.suffix == ".npy":
             return np.load(self.output).astype(float)
-        return files.read_ply(self.output.read_bytes())
+        return files.read_ply(self.output)
 
     def _vertices(self):
         patch, place = np.array(self.model.patch), np.array(self.model.place, float)

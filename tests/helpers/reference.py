@@ -6,6 +6,7 @@ Only NumPy: no acceleration structure, no Embree, no low-discrepancy points, its
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,10 +22,11 @@ class Reference:
     error: np.ndarray
 
 
-def nearest_hits(origins: np.ndarray, directions: np.ndarray, corners: np.ndarray) -> np.ndarray:
+def nearest_hits(origins: np.ndarray, directions: np.ndarray, corners: np.ndarray, fronts: bool = False) -> np.ndarray:
     """Distance (r,) to the nearest of triangles (m, 3, 3) along unit rays (r, 3), or ∞.
 
-    Möller & Trumbore 1997, both sides, all triangles for every ray; their triple products as products of matrices.
+    Möller & Trumbore 1997, both sides or fronts alone, all triangles for every ray; their triple products as products
+    of matrices.
     """
     centre = corners.mean(axis=(0, 1))
     a, origins = corners[:, 0] - centre, origins - centre
@@ -37,7 +39,7 @@ def nearest_hits(origins: np.ndarray, directions: np.ndarray, corners: np.ndarra
             u = (moments @ e2.T - d @ np.cross(e2, a).T) / det
             v = (-moments @ e1.T - d @ np.cross(a, e1).T) / det
             t = (o @ normals.T - np.einsum("ij,ij->i", a, normals)) / det
-            hit = (det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+            hit = (det > 0 if fronts else det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
         nearest.append(np.where(hit, t, np.inf).min(axis=1))
     return np.concatenate(nearest)
 
@@ -62,14 +64,25 @@ def cosine_directions(rng: np.random.Generator, normal: np.ndarray, count: int) 
     return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
+def falloff(name: str, half_distance: float, limit: float) -> Callable[[np.ndarray], np.ndarray]:
+    """μ of distances by its definition, 1 beyond the limit."""
+
+    def mu(distance: np.ndarray) -> np.ndarray:
+        x = np.minimum(distance / limit, 1.0) if np.isfinite(limit) else distance
+        values = {
+            "binary": lambda: np.where(np.isfinite(distance), 0.0, 1.0),
+            "linear": lambda: x,
+            "smooth": lambda: x * x * (3 - 2 * x),
+            "exponential": lambda: (1 - 2 ** -(distance / half_distance)) / (1 - 2 ** -(limit / half_distance)),
+        }[name]()
+        return np.where(distance < limit, values, 1.0)
+
+    return mu
+
+
 def mu(distance: np.ndarray, tau: float | None, max_distance: float) -> np.ndarray:
-    """μ by its definition: binary for τ = None, else (1 − e^(−τx))/(1 − e^(−τD)) below D and 1 beyond."""
-    near = distance < max_distance
-    if tau is None:
-        return np.where(near & np.isfinite(distance), 0.0, 1.0)
-    value = np.ones_like(distance)
-    value[near] = (1 - np.exp(-tau * distance[near])) / (1 - np.exp(-tau * max_distance))
-    return value
+    """Binary for τ = None, else (1 − e^(−τx))/(1 − e^(−τD)) below D and 1 beyond."""
+    return falloff("binary" if tau is None else "exponential", math.log(2) / (tau or 1), max_distance)(distance)
 
 
 def distances(vertices: np.ndarray, faces: np.ndarray, rays: int = 4096, seed: int = 0) -> np.ndarray:

@@ -24,23 +24,10 @@ LIGHTS = ("PointLight", "SpotLight", "DirectionalLight", "AmbientLight")
 
 
 @pytest.mark.parametrize("bake", [ao.bake, partial(ao.bake, method="surface")])
-@pytest.mark.parametrize(("name", "falloff"), [("binary", ao.Binary()), ("exponential", ao.Exponential())])
-def test_a_falloff_by_its_name(bake, name, falloff):
-    by_name, made = bake(BALL, name, samples=16), bake(BALL, falloff, samples=16)
-    np.testing.assert_array_equal(by_name.w, made.w)
-    assert by_name.mu == made.mu
-
-
-@pytest.mark.parametrize("bake", [ao.bake, partial(ao.bake, method="surface")])
 @pytest.mark.parametrize("wrong", ["linear", "Binary", ao.Binary, 3, 0.5])
 def test_what_is_no_falloff_is_refused(bake, wrong):
     with pytest.raises(OptionError, match=r'falloff: expected ao\.Binary\(…\), .*"exponential", got '):
         bake(BALL, wrong)
-
-
-def test_the_falloff_that_was_meant():
-    with pytest.raises(OptionError, match="got 'Binary'; did you mean binary"):
-        ao.bake(BALL, "Binary")
 
 
 @pytest.mark.parametrize("bake", [ao.bake, partial(ao.bake, method="surface")])

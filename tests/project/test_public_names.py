@@ -2,7 +2,6 @@
 
 import ast
 import re
-import rlcompleter
 import subprocess
 import sys
 import tomllib
@@ -37,22 +36,6 @@ def test_every_public_name_is_documented_once(package):
     assert sorted(re.findall(rf"^\.\. [a-z:]+:: obscurance\.{package}\.(\w+)$", page, re.MULTILINE)) == stub_names(
         package
     )
-
-
-@pytest.mark.parametrize("package", PACKAGES)
-def test_docstrings_have_no_letter_after_a_backtick_where_the_site_would_warn(package):
-    found = [getattr(import_module(f"obscurance.{package}"), name) for name in stub_names(package)]
-    members = [member for each in found if isinstance(each, type) for member in vars(each).values()]
-    texts = [each.__doc__ for each in [*found, *members] if isinstance(each.__doc__, str)]
-    assert len(texts) > 10
-    assert [text for text in texts if any(letter for _, letter in re.findall(r"(`+)[^`]+\1(\w?)", text))] == []
-
-
-@pytest.mark.parametrize(("package", "begun", "name"), [("raytrace", "Cook", "CookTorrance"), ("ao", "ba", "bake")])
-def test_tab_completion_finds_them(package, begun, name):
-    completer = rlcompleter.Completer({package: import_module(f"obscurance.{package}")})
-    found = [completer.complete(f"{package}.{begun}", number) for number in range(2)]
-    assert f"{package}.{name}" in {text and text.rstrip("()") for text in found}
 
 
 def fresh(code):

@@ -94,6 +94,16 @@ def test_a_lattice_has_one_point_in_every_stratum(count):
     assert (order[:, 3:] - order[:, :-3] > 1 / (3 * count)).all()
 
 
+def test_each_stratum_is_even_over_all_lattices_and_strata_are_independent():
+    u, _ = jittered_lattice(64, 7, seed_key(3))
+    within = 7 * u - np.arange(7)
+    np.testing.assert_array_equal(
+        np.sort(np.floor(64 * within), axis=0), np.broadcast_to(np.arange(64)[:, None], u.shape)
+    )
+    many = np.concatenate([7 * jittered_lattice(64, 7, seed_key(seed))[0] - np.arange(7) for seed in range(200)])
+    assert np.abs(np.corrcoef(many.T) - np.eye(7)).max() < 0.04  # 4.5 standard errors
+
+
 def test_each_point_of_a_lattice_is_uniform_once_it_is_turned():
     u, v = jittered_lattice(20_000, 4, seed_key(1))
     turned = (v[:, 1] + np.random.default_rng(0).random(len(v))) % 1

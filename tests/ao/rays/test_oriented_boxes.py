@@ -103,7 +103,7 @@ def test_they_change_no_bit(name, falloff):
     mesh = Mesh(generic_rotation(3).apply(vertices), faces)
     placement = Placement.of(mesh)
     receivers = find_receivers(mesh, placement)
-    points = receivers.points[np.flatnonzero(np.arange(len(receivers.points)) % 36 == 1)]  # no tip
+    points = receivers.points[np.flatnonzero(np.arange(len(receivers.points)) % 12 == 1)]  # no tip
     mu = falloff.resolve(mesh.radius).in_render_space(placement.scale)
     t_max = min(mu.limit, placement.diagonal)
     in_turned_boxes = receivers.hierarchy.tree

@@ -5,7 +5,7 @@ import pytest
 from command import obscurance, succeeded
 from gltf_files import check_glb, values
 from hard_edges import CORNERS, FACES, INWARDS, OF, OPENING, SIDES
-from mesh_files import obj, ply
+from mesh_files import ascii_stl, obj, ply
 from uv_meshes import icosphere
 
 from obscurance.ao.closed_forms import polygon_form_factor
@@ -16,30 +16,11 @@ OF_OPENING = 0.2  # the part of the opening that a side of the box sees: .1998 t
 BINARY = "--falloff", "binary"
 
 
-def obj_with_normals(normals, of=OF):
-    rows = [
-        " ".join(f"{v + 1}//{n + 1}" for v, n in zip(*corners, strict=True)) for corners in zip(FACES, of, strict=True)
-    ]
-    lines = ["v {} {} {}".format(*place) for place in CORNERS]
-    lines += ["vn {} {} {}".format(*normal) for normal in normals]
-    return "\n".join([*lines, *(f"f {row}" for row in rows), ""]).encode()
-
-
-def stl():
-    facets = "".join(
-        "facet normal 0 0 0\nouter loop\n"
-        + "".join("vertex {} {} {}\n".format(*CORNERS[corner]) for corner in face)
-        + "endloop\nendfacet\n"
-        for face in FACES
-    )
-    return f"solid box\n{facets}endsolid\n".encode()
-
-
 FILES = {
     "shared.ply": ply(CORNERS, FACES),
     "shared.obj": obj(CORNERS, FACES),
-    "corners.obj": obj_with_normals(INWARDS),
-    "apart.stl": stl(),
+    "corners.obj": obj(CORNERS, FACES, INWARDS, of=OF),
+    "apart.stl": ascii_stl(("box", CORNERS[FACES])),
 }
 
 
@@ -130,7 +111,7 @@ def test_a_smooth_mesh_says_nothing(folder):
     ],
 )
 def test_normals_of_no_use_are_counted_and_ours_take_their_place(folder, normals, useless):
-    (folder / "bad.obj").write_bytes(obj_with_normals(normals))
+    (folder / "bad.obj").write_bytes(obj(CORNERS, FACES, normals, of=OF))
     said = bake("bad.obj", "-o", "bad.glb", "--samples", 4096, *BINARY)
     assert f"bad.obj: {useless} of 30 normals at corners are missing, zero, not finite or behind their face" in said
     bake("shared.obj", "-o", "good.glb", "--samples", 4096, *BINARY)

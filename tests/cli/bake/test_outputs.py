@@ -33,8 +33,7 @@ def folder(tmp_path, monkeypatch):
     write_image(tmp_path / "b.png", np.ones((4, 4, 3)))
     builder = Builder()
     builder.mesh(builder.primitive(QUAD, HALVES))
-    header = builder.header | {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
-    header |= {"buffers": [{"uri": "quad.bin", "byteLength": len(builder.binary)}], "images": [{"uri": "paint.png"}]}
+    header = builder.gltf([{"mesh": 0}], uri="quad.bin", images=[{"uri": "paint.png"}])
     (tmp_path / "quad.bin").write_bytes(builder.binary)
     (tmp_path / "quad.gltf").write_text(json.dumps(header))
     (tmp_path / "sub").mkdir()

@@ -16,8 +16,6 @@ from meshes import hills
 from PIL import Image
 from project import ROOT
 
-from obscurance.scenes.formats.gltf.asset import decode
-
 SAMPLES = ("--samples", 16)
 
 
@@ -118,12 +116,10 @@ def test_a_resumed_batch_bakes_what_is_missing_changed_or_failed(folder):
 
 
 def test_a_resumed_batch_bakes_again_where_any_file_that_was_read_or_written_has_changed(folder):
-    asset = decode(triangle().glb([{"mesh": 0}]), folder / "near.gltf")
-    (content,) = asset.buffers
+    builder = triangle()
     for name in ("near", "far"):
-        header = asset.header | {"buffers": [{"uri": f"{name}.bin", "byteLength": len(content)}]}
-        (folder / f"{name}.gltf").write_text(json.dumps(header))
-        (folder / f"{name}.bin").write_bytes(content)
+        (folder / f"{name}.gltf").write_text(json.dumps(builder.gltf([{"mesh": 0}], uri=f"{name}.bin")))
+        (folder / f"{name}.bin").write_bytes(builder.binary)
 
     def again(*command):
         outputs = {path: path.stat().st_mtime_ns for path in (folder / "out").glob("*.npz")}
@@ -132,7 +128,7 @@ def test_a_resumed_batch_bakes_again_where_any_file_that_was_read_or_written_has
 
     assert again("near.gltf", "far.gltf", "hill[0-2].obj") == {"near", "far", "hill0", "hill1", "hill2"}
     assert again("near.gltf", "far.gltf", "hill[0-2].obj") == set()
-    (folder / "far.bin").write_bytes((2 * np.frombuffer(content, "<f4")).tobytes())
+    (folder / "far.bin").write_bytes((2 * np.frombuffer(builder.binary, "<f4")).tobytes())
     (folder / "out" / "hill0.npz").write_bytes(b"")
     (folder / "out" / "hill1.npz").write_bytes((folder / "out" / "hill1.npz").read_bytes()[:-1])
     assert again("near.gltf", "far.gltf", "hill[0-2].obj") == {"far", "hill0", "hill1"}

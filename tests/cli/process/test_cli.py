@@ -20,27 +20,6 @@ def cube(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("ending", ["npy", "npz", "ply", "glb"])
-def test_every_output_format_is_written(tmp_path, cube, ending):
-    output = tmp_path / f"out.{ending}"
-    result = succeeded("bake", cube, "-o", output, "--samples", 16)
-    assert output.stat().st_size > 0
-    assert f"{24 if ending == 'glb' else 8} vertices" in result.stdout  # of a cube, which a .glb has by sides
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["cube.ply", output.name])
-
-
-def test_the_values_are_those_of_the_library(tmp_path, cube):
-    from obscurance import ao
-    from obscurance.scenes.formats.load import load
-
-    target = tmp_path / "w.npy"
-    options = ("--half-distance", "30%", "--max-distance", "2", "--samples", 64, "--seed", 7, "--normals", "area")
-    succeeded("bake", cube, "-o", target, *options)
-    falloff = ao.Exponential(half_distance="30%", max_distance=2)
-    expected = ao.bake(load(cube).mesh, falloff, samples=64, seed=7, normals="area").w
-    np.testing.assert_array_equal(np.load(target), expected.astype(np.float32))
-
-
 def test_the_same_command_gives_the_same_bytes(tmp_path, cube):
     for ending, run in (("npy", obscurance), ("npz", process), ("ply", obscurance), ("glb", process)):
         for name, once_more in (("a", obscurance), ("b", run)):
@@ -74,11 +53,6 @@ def test_the_report_holds_the_contract(tmp_path, cube):
     assert found["options"]["falloff"] == "exponential"
     assert found["options"]["threads"] >= 1
     assert found["falloff"]["tau"] == pytest.approx(np.log(2) / (0.5 * 3**0.5 / 2))
-
-
-def test_quiet_is_quiet(tmp_path, cube):
-    result = obscurance("bake", cube, "-o", tmp_path / "w.npy", "--samples", 8, "--quiet")
-    assert (result.returncode, result.stdout) == (0, "")
 
 
 def test_the_summary_says_what_became_of_vertices_inside_solids(tmp_path):

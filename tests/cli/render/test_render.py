@@ -84,11 +84,6 @@ def test_layers_add_up_and_say_what_is_there(whole):
     np.testing.assert_allclose(np.linalg.norm(whole["normal"][~empty], axis=-1), 1, atol=1e-6)
 
 
-def test_the_same_command_gives_the_same_bytes_on_one_thread(scene, folder, whole):
-    rendered(scene, folder / "again.exr", "--threads", 1)
-    assert (folder / "again.exr").read_bytes() == (folder / "whole.exr").read_bytes()
-
-
 def test_a_crop_is_that_part_of_the_whole(scene, folder, whole):
     layers = rendered(scene, folder / "crop.exr", "--crop", "5,7,21,18")
     for name, layer in layers.items():

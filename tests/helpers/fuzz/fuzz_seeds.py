@@ -34,6 +34,19 @@ l 1 2
 f 1//1 2//1 3//1 4//1
 """
 MTL = b"newmtl paint\nKd 1 0 0\nmap_Kd ../secret.png\n"
+MATERIALS = b"""newmtl paint
+Kd .1 .2 .3
+Ke 0 1 0
+Ks .5 .5 .5
+Ns 30
+Pm .5
+Pr .4
+Tr .25
+map_Kd -s 1 1 1 paint.png
+map_d paint.png
+bump paint.png
+"""
+UV = VERTICES[:, :2]
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
 SIDES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
 
@@ -47,6 +60,11 @@ TOML = {
         {"name": "lines", "model": "poulin_fournier", "k_d": 0.2, "k_s": 0.5, "spacing": 1.5, "floor": 0.3},
         {"name": "cloth", "model": "oren_nayar", "albedo": 0.5, "sigma": 0.3},
         {"name": "other", "preset": "gold"},
+        {"name": "a", "model": "ward", "k_d": 0.2, "k_s": [0.1, 0.2, 0.3], "m_parallel": 0.1, "m_perpendicular": 0.5},
+        {"name": "plastic", "model": "phong", "k_d": 0.3, "k_s": 0.6, "exponent": 7, "two_sided": "viewer"},
+        {"name": "silk", "model": "strauss", "colour": 0.5, "smoothness": 0.5},
+        {"name": "b", "model": "ashikhmin_shirley", "albedo": 0, "exponent_parallel": 7, "exponent_perpendicular": 90},
+        {"name": "c", "model": "kajiya", "height": 90, "correlation_parallel": 4e3, "correlation_perpendicular": 900},
     ],
     "objects": [
         {"mesh": "square.obj", "material": "glaze", "rotate": [90.0, 0.0, 0.0], "texture": "paint.png",
@@ -69,6 +87,8 @@ TOML = {
          "exponent": 8.0, "intensity": [60.0, 55.0, 45.0], "range": 40.0},
         {"light": "point", "position": [0.0, 0.0, 4.0], "intensity": 3.0},
         {"light": "ambient", "intensity": 0.3},
+        {"light": "sky", "zenith": [0.2, 0.3, 0.5], "horizon": 0.5, "ground": 0.1, "up": [0, 0, 1]},
+        {"light": "environment", "image": "paint.png", "turn": 30.0},
     ],
 }  # fmt: skip
 BAKED = {
@@ -101,6 +121,10 @@ def builder():
     posed["attributes"]["WEIGHTS_0"] = made.accessor(np.tile(np.array([0.5, 0.5, 0, 0], "<f4"), (3, 1)), "VEC4")
     made.mesh(posed, weights=[0.5])
     made.accessor(np.tile(np.eye(4, dtype="<f4").ravel(), (2, 1)), "MAT4")
+    rows, values = made.accessor(np.array([2], "<u2"), "SCALAR"), made.accessor(TRIANGLE[:1], "VEC3")
+    indices, places = (made.header["accessors"][number]["bufferView"] for number in (rows, values))
+    sparse = {"count": 1, "indices": {"bufferView": indices, "componentType": 5123}, "values": {"bufferView": places}}
+    made.header["accessors"][posed["attributes"]["POSITION"]]["sparse"] = sparse
     return made
 
 
@@ -263,7 +287,7 @@ def seeds():
     embedded = json.loads(json.dumps(header))
     return {
         "ply_ascii": [("m.ply", data) for data in (ascii_ply(), ascii_ply(faces=[[0, 1, 3, 4]]), _mixed_ascii())],
-        "ply": [("m.ply", ply()), ("m.ply", ply(order=">", normals=NORMALS)), ("m.ply", ply(faces=many, texture=True))],
+        "ply": [("m.ply", data) for data in (ply(), ply(order=">", normals=NORMALS), ply(faces=many, uv=UV))],
         "ply_mixed": [("m.ply", mixed_ply()), ("m.ply", mixed_ply(">")), ("m.ply", rich_ply())],
         "obj": [("m.obj", OBJ), ("m.obj", obj()), ("m.obj", obj(faces=many))],
         "stl": [("m.stl", stl(VERTICES[FACES])), ("m.stl", stl(VERTICES[many]))],
@@ -282,6 +306,7 @@ def seeds():
         "tiff": [("m.tif", image("tiff", 20, 10, 3, "uint16")), ("m.tif", image("tiff", 40, 30, 4, "float", tiled=1))],
         "pictures": [*((f"m.{ending}", image(kind, 20, 10)) for kind, ending in KINDS.items()), ("m.gif", gif())],
         "vtp": [("m.vtp", Writer(form, by).document()) for form in FORMS for by in COMPRESSORS],
+        "mtl": [("square.mtl", MTL), ("square.mtl", MATERIALS)],
         "array": [(f"w.{kind}", data) for kind, data in zip(("npy", "npz", "ply"), arrays(), strict=True)],
     }  # fmt: skip
 

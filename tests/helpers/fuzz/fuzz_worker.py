@@ -67,6 +67,8 @@ def consume(family, path, made, index):
         scene.write_text(fuzz_mutations.toml_text(fuzz_seeds.BAKED | {"obscurance": {"baked": path.name}}))
         with_obscurance(read_scene(scene, (4, 3)))
         return None
+    if family == "mtl":
+        return textures(read_scene(path.with_name("square.obj"), (8, 6)))
     if family == "toml":
         return textures(read_scene(path, (8, 6)))
     target = made / f"made.{('ply', 'glb')[index % 2]}"

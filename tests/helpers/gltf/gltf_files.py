@@ -67,11 +67,14 @@ class Builder:
         self.header["meshes"].append({"primitives": list(primitives), **fields})
         return len(self.header["meshes"]) - 1
 
-    def glb(self, nodes, roots=None, **fields):
+    def gltf(self, nodes, roots=None, uri="m.bin", **fields):
+        """The header of a .gltf whose one buffer is at `uri`."""
         roots = list(range(len(nodes))) if roots is None else roots
-        header = self.header | {"nodes": nodes, "scenes": [{"nodes": roots}], **fields}
-        header["buffers"] = [{"byteLength": len(self.binary)}]
-        content = json.dumps(header).encode()
+        header = self.header | {"nodes": nodes, "scenes": [{"nodes": roots}]}
+        return header | {"buffers": [{"byteLength": len(self.binary)} | ({"uri": uri} if uri else {})]} | fields
+
+    def glb(self, nodes, roots=None, **fields):
+        content = json.dumps(self.gltf(nodes, roots, None, **fields)).encode()
         content += b" " * (-len(content) % 4)
         chunks = struct.pack("<I4s", len(content), b"JSON") + content
         chunks += struct.pack("<I4s", len(self.binary), b"BIN\0") + self.binary

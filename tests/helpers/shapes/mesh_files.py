@@ -18,41 +18,50 @@ FACES = np.array([[0, 1, 3], [0, 3, 4], [2, 5, 3]])
 NORMALS = np.tile([0.0, 0.6, 0.8], (len(VERTICES), 1))
 
 
-def ply(vertices=VERTICES, faces=FACES, order="<", normals=None, texture=False):
-    """A binary PLY file."""
-    names = ["x", "y", "z"] + (["nx", "ny", "nz"] if normals is not None else []) + (["s", "t"] if texture else [])
-    rows = np.zeros((len(vertices), len(names)), dtype=f"{order}f4")
-    rows[:, :3] = vertices
-    if normals is not None:
-        rows[:, 3:6] = normals
-    if texture:
-        rows[:, -2:] = np.arange(2 * len(vertices)).reshape(-1, 2)
-    packed = np.zeros(len(faces), dtype=[("n", "u1"), ("i", f"{order}i4", np.shape(faces)[1])])
-    packed["n"], packed["i"] = np.shape(faces)[1], faces
-    header = ["ply", f"format binary_{'little' if order == '<' else 'big'}_endian 1.0"]
-    header += [f"element vertex {len(vertices)}", *(f"property float {name}" for name in names)]
-    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header\n"]
-    return "\n".join(header).encode() + rows.tobytes() + packed.tobytes()
+def ply(vertices=VERTICES, faces=FACES, order="<", normals=None, uv=None, kind="float", text=False):
+    """A PLY file, whose faces have one number of corners."""
+    columns = {("x", "y", "z"): vertices, ("nx", "ny", "nz"): normals, ("s", "t"): uv}
+    columns = {names: np.asarray(column, float) for names, column in columns.items() if column is not None}
+    form = "ascii" if text else f"binary_{'little' if order == '<' else 'big'}_endian"
+    header = ["ply", f"format {form} 1.0", f"element vertex {len(vertices)}"]
+    header += [f"property {kind} {name}" for names in columns for name in names]
+    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    rows = np.concatenate([*columns.values()], axis=1)
+    if text:
+        return "\n".join([*header, *_lines(rows.tolist()), *_lines([len(face), *face] for face in faces), ""]).encode()
+    sides = np.shape(faces)[1] if len(faces) else 3
+    packed = np.zeros(len(faces), dtype=[("n", "u1"), ("i", f"{order}i4", sides)])
+    packed["n"], packed["i"] = sides, np.reshape(faces, (-1, sides))
+    rows = rows.astype(order + {"float": "f4", "double": "f8"}[kind])
+    return "\n".join([*header, ""]).encode() + rows.tobytes() + packed.tobytes()
+
+
+def _lines(rows):
+    return [" ".join(map(str, row)) for row in rows]
 
 
 def ascii_ply(vertices=VERTICES, faces=FACES):
-    header = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
-    header += [f"property double {name}" for name in "xyz"]
-    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
-    rows = [" ".join(map(str, vertex)) for vertex in vertices]
-    rows += [" ".join(map(str, [len(face), *face])) for face in faces]
-    return "\n".join([*header, *rows, ""]).encode()
+    return ply(vertices, faces, kind="double", text=True)
 
 
 def off(vertices=VERTICES, faces=FACES):
-    rows = [" ".join(map(str, vertex)) for vertex in vertices]
-    rows += [" ".join(map(str, [len(face), *face])) for face in faces]
+    rows = [*_lines(np.asarray(vertices).tolist()), *_lines([len(face), *face] for face in faces)]
     return "\n".join(["OFF", "# made for a test", f"{len(vertices)} {len(faces)} 0", *rows, ""]).encode()
 
 
-def obj(vertices=VERTICES, faces=FACES):
-    rows = ["v {} {} {}".format(*vertex) for vertex in vertices]
-    rows += ["f " + " ".join(str(index + 1) for index in face) for face in faces]
+def obj(vertices=VERTICES, faces=FACES, normals=None, uv=None, names=None, of=None):
+    """Args: names: of the objects of the faces, one after the other; of: the normals at corners, not the vertices'."""
+    columns = {"v": vertices, "vn": normals, "vt": uv}
+    rows = [f"{key} {line}" for key, column in columns.items() if column is not None for line in _lines(column)]
+    corner = "{0}/{0}" if uv is not None else "{0}"
+    corner += "" if normals is None else "/{1}" if uv is not None else "//{1}"
+    last = None
+    for number, face in enumerate(faces):
+        if names and names[number] != last:
+            last = names[number]
+            rows.append(f"o {last}")
+        pairs = zip(face, face if of is None else of[number], strict=True)
+        rows.append("f " + " ".join(corner.format(index + 1, normal + 1) for index, normal in pairs))
     return "\n".join([*rows, ""]).encode()
 
 

@@ -119,22 +119,6 @@ def test_every_material_is_finite_and_not_negative(frame, dtype):
 
 
 @settings(deadline=None, max_examples=100, derandomize=True)
-@given(frames())
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_reflect_of_random_materials(dtype, frame):
-    n, l, v = (np.asarray(a, dtype) for a in frame)
-    for material in (
-        CookTorrance(albedo=0.3, k_s=0.7, m=0.05, eta=(1.1, 1.5, 40)),
-        OrenNayar(albedo=0.9, sigma=0.7),
-        Strauss(colour=0.5, smoothness=0.9, metalness=1),
-        PoulinFournier(k_d=0.4, k_s=0.6, exponent=100, spacing=2.5, floor=0.2),
-    ):
-        out = reflect(material, n, l, v)
-        assert out.dtype == dtype
-        sound(out, material)
-
-
-@settings(deadline=None, max_examples=100, derandomize=True)
 @given(frames(), st.floats(1e-6, 100), st.floats(1e-6, 100), st.floats(1, 1e6), st.floats(0, 1))
 def test_any_slopes_and_indices(frame, m, across, eta, k_s):
     for material in (

@@ -20,13 +20,6 @@ def mesh(tmp_path):
     return tmp_path / "hills.obj"
 
 
-@pytest.mark.parametrize("falloff", ["linear", "smooth"])
-def test_a_falloff_that_needs_an_end_says_so(mesh, falloff):
-    line = f"bake: --falloff {falloff} needs --max-distance"
-    refused(obscurance("bake", mesh, "-o", mesh.with_suffix(".ply"), "--falloff", falloff), line)
-    succeeded("bake", mesh, "-o", mesh.with_suffix(".ply"), "--falloff", "binary")
-
-
 def test_a_mesh_without_texture_coordinates_gets_the_options_that_make_some(mesh):
     advice = "--uv unwrap --mesh-output hills-uv.glb"
     refused(obscurance("bake", mesh, "-o", mesh.with_suffix(".png"), "--size", 64), "texture coordinates", advice)

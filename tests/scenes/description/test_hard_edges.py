@@ -14,15 +14,6 @@ from obscurance.scenes.formats.load import load
 from obscurance.scenes.show.page.document import html_of_bakes
 from obscurance.scenes.show.page.encode import Values
 
-
-def obj_with_normals(normals):
-    rows = [
-        " ".join(f"{v + 1}//{n + 1}" for v, n in zip(face, of, strict=True)) for face, of in zip(FACES, OF, strict=True)
-    ]
-    lines = ["v {} {} {}".format(*place) for place in CORNERS] + ["vn {} {} {}".format(*normal) for normal in normals]
-    return "\n".join([*lines, *(f"f {row}" for row in rows), ""]).encode()
-
-
 TILTED = INWARDS + 0.3  # in front of each side, and none of ours
 
 
@@ -32,8 +23,8 @@ def files():
     return {
         "shared.ply": (ply(CORNERS, FACES), INWARDS),
         "shared.obj": (obj(CORNERS, FACES), INWARDS),
-        "corners.obj": (obj_with_normals(INWARDS), INWARDS),
-        "tilted.obj": (obj_with_normals(TILTED), TILTED),
+        "corners.obj": (obj(CORNERS, FACES, INWARDS, of=OF), INWARDS),
+        "tilted.obj": (obj(CORNERS, FACES, TILTED, of=OF), TILTED),
         "bare.glb": (builder.glb([{"mesh": 0}]), INWARDS),
     }
 

@@ -29,7 +29,7 @@ from mesh_files import (
     [
         ("m.ply", ply()),
         ("m.PLY", ply(order=">")),
-        ("texture.ply", ply(texture=True)),
+        ("texture.ply", ply(uv=np.arange(14).reshape(7, 2))),
         ("ascii.ply", ascii_ply()),
         ("m.off", off()),
         ("latin.off", off().replace(b"made for", b"f\xfcr")),

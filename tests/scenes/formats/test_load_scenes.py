@@ -115,11 +115,9 @@ def external(tmp_path, uri):
     builder.mesh(builder.primitive(TRIANGLE, [[0, 1, 2]]))
     folder = tmp_path / "folder"
     folder.mkdir()
-    builder.header |= {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
-    builder.header["buffers"] = [{"uri": uri, "byteLength": len(builder.binary)}]
-    builder.header["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
-    builder.header |= {"textures": [{"source": 0}], "images": [{"uri": "missing.png"}]}
-    (folder / "m.gltf").write_text(json.dumps(builder.header))
+    header = builder.gltf([{"mesh": 0}], uri=uri, textures=[{"source": 0}], images=[{"uri": "missing.png"}])
+    header["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    (folder / "m.gltf").write_text(json.dumps(header))
     return folder / "m.gltf", builder.binary
 
 

@@ -391,12 +391,7 @@ def test_mistakes(tmp_path, changes, expected):
     weights = np.tile(np.array([0.5, 0.5, 0, 0], "<f4"), (4, 1))
     builder.mesh(give(builder, quad(builder), np.tile(np.array([0, 1, 9, 9], "u1"), (4, 1)), weights))
     skins = [skin(builder)]
-    header = builder.header | {
-        "nodes": [*JOINTS, {"mesh": 0, "skin": 0}],
-        "scenes": [{"nodes": [0, 2]}],
-        "skins": skins,
-    }
-    header["buffers"] = [{"uri": "m.bin", "byteLength": len(builder.binary)}]
+    header = builder.gltf([*JOINTS, {"mesh": 0, "skin": 0}], [0, 2], skins=skins)
     (tmp_path / "m.bin").write_bytes(builder.binary)
     header = json.loads(json.dumps(header))
     (tmp_path / "m.gltf").write_text(json.dumps(header))

@@ -101,7 +101,7 @@ def test_glb_from_gltf_with_several_buffers(tmp_path):
     builder.mesh(builder.primitive(QUAD, HALVES))
     (tmp_path / "a.bin").write_bytes(builder.binary[: QUAD.nbytes] + b"odd")
     (tmp_path / "b.bin").write_bytes(builder.binary[QUAD.nbytes :])
-    header = builder.header | {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
+    header = builder.gltf([{"mesh": 0}])
     header["buffers"] = [{"uri": "a.bin", "byteLength": QUAD.nbytes}, {"uri": "b.bin", "byteLength": 12}]
     header["bufferViews"][1] = {"buffer": 1, "byteLength": 12}
     (tmp_path / "m.gltf").write_text(json.dumps(header))
