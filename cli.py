@@ -164,7 +164,8 @@ def prune(mesh: Path, output: Path, quiet: bool, **options: Any) -> None:
     """Drop the faces that nothing outside sees."""
     from obscurance.scenes.commands.prune import prune as prune_file
 
-    summary = prune_file(mesh, output, quiet=quiet, seen_from=options.pop("from"), **options)
+    above = options.pop("from") == "above"
+    summary = prune_file(mesh, output, quiet, above=above, **options)
     if not quiet:
         print(summary)
 

@@ -5,13 +5,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from obscurance.raytrace.embree import intersect
+from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.mesh import TO_Y_UP, Mesh, mesh_of, up_axis
 from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.mesh.opacity import alphas
 from obscurance.raytrace.mesh.weld import join, renumber_components
 from obscurance.raytrace.ray_origins.surface import Surface
 from obscurance.raytrace.system.threads import thread_count
-from obscurance.raytrace.types import Bools, Float64s, Int64s
+from obscurance.raytrace.types import Bools, Float32Rows, Float64s, Int64s
 
 from .execute.tracer import Progress
 from .points.smooth_surface import PointGroups, SmoothSurface, VertexAxes
@@ -19,7 +20,7 @@ from .points.surface_samples import SurfaceSamples
 from .prepared import PreparedMesh, prepare
 
 _ROUNDS = 16, 16, 32, 64, 128, 256, 512, 1024, 2048  # rays of faces of which none has left so far
-_ENOUGH = 1 << 14  # rays of a room of which none has left, after which it is closed
+_ENOUGH = 1 << 18  # rays of a room of which none has left, after which it is closed
 _BLOCK = 1 << 17  # rays traced at once
 _NEVER = 1 << 30  # bounces, of a side from which no ray was seen to leave
 _DOUBT = 3.0  # of n rays that none has hit what has a share of 3/n of them is the chance e⁻³, 5 %
@@ -58,12 +59,14 @@ def unseen_faces(
 
     Rays start at points spread over a face, on the side that their direction is on, and go through what is not opaque.
     Most faces are seen by their first few; those that are not get up to 4,096. Sides that rays lead from one to the
-    other make a room: where none of its first 16,384 leaves, it is closed. Faces without area count as seen.
+    other make a room: where none of its first 262,144 leaves, it is closed. Faces without area count as seen.
 
     Args: progress: called as that of `ao.bake`, in rounds. above: only lines that rise lead outside, by `mesh.up`.
         depth: bounces by which cavities are kept: of 1, also faces that a side sees which is seen, and so on.
     Raises: OptionError, MeshError, MemoryLimitError: as `ao.bake`.
     """
+    if depth < 0:
+        raise OptionError("depth", "a number of bounces from 0 on", depth)
     prepared = prepare(mesh_of(mesh, "unseen_faces"))
     rays = _Rays(prepared, above, thread_count(threads))
     count = len(prepared.receivers.faces)
@@ -84,9 +87,9 @@ def unseen_faces(
             if progress:
                 progress(start + len(faces) // samples, len(active), f"faces, round {turn + 1}")
         # Unseen faces go on, and all of a room with one until enough rays say that it is closed.
-        room = forest.copy()
-        renumber_components(room)
-        room = room.reshape(count, 2)
+        numbers = forest.copy()
+        renumber_components(numbers)
+        room = numbers.reshape(count, 2)
         is_seen = np.any(bounces <= depth, axis=1)
         is_open, has_unseen = np.zeros((2, 2 * count), np.bool_)
         is_open[room[bounces == 0]] = True
@@ -142,7 +145,7 @@ class _Rays:
         cosines: Float64s = np.einsum("kc,kc->k", directions, self._normals[faces])
         return cosines
 
-    def _closest(self, origins: Float64s, directions: Float64s) -> Int64s:
+    def _closest(self, origins: Float32Rows, directions: Float64s) -> Int64s:
         """The face (k,) that each ray hits first of those that are opaque there, −1 for none."""
         face = np.full(len(origins), -1)
         rows = np.arange(len(origins))

@@ -10,7 +10,7 @@ import numpy as np
 
 from obscurance import ao
 from obscurance.ao.falloff import DEFAULT_HALF_DISTANCE
-from obscurance.ao.options import OCTAVES, VertexOptions
+from obscurance.ao.options import OCTAVES, VertexOptions, Weight
 from obscurance.ao.result import SquaredError
 from obscurance.raytrace.errors import ConflictError, SceneError
 from obscurance.raytrace.types import Float64s, Int64s
@@ -114,7 +114,7 @@ def compare_values(plan: Plan, inputs: BakeInputs, stored: StoredValues, seed: i
         seed=(_SEED + 2 * seed) % 2**63, threads=plan.options.threads,
     )  # fmt: skip
 
-    def compare(candidates: Sequence[Candidate], weight: str = arguments.weight) -> list[Comparison]:
+    def compare(candidates: Sequence[Candidate], weight: Weight = arguments.weight) -> list[Comparison]:
         """The comparison by each candidate, for each meaning of the values."""
         by_all = replace(arguments, falloff=tuple(one.falloff for one in candidates), weight=weight)
         places = (_on_faces if stored.lookups else _at_elements)(plan, inputs, stored, by_all)
@@ -164,6 +164,7 @@ def _at_elements(plan: Plan, inputs: BakeInputs, stored: StoredValues, arguments
     """Estimates at some of the vertices, or faces, by two bakes of these alone where that is possible."""
     mesh, chosen, source = inputs.chosen.mesh, inputs.chosen, inputs.source
     wanted = chosen.receive if arguments.at == "faces" else chosen.only
+    assert stored.rows_count is not None
     candidates = np.arange(stored.rows_count) if wanted is None else np.flatnonzero(wanted)
     random = np.random.default_rng(arguments.seed)
     rows = np.sort(random.choice(candidates, min(PLACES, len(candidates)), replace=False))

@@ -16,10 +16,10 @@ from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.weld import coincident, connected_components
 from obscurance.raytrace.system.atomic import check_writable, write_bytes
 from obscurance.raytrace.system.checks import check_outputs
-from obscurance.raytrace.types import AnyInts, Bools, Float64s
+from obscurance.raytrace.types import AnyInts, Bools, Float64s, Int64s
 
 from ..bake.console import warn
-from ..bake.options import PrunedBy, SeenFrom
+from ..bake.options import PrunedBy
 from ..formats.gltf.textured import check_vertices
 from ..formats.load import load, parser_errors
 from ..formats.ply.write import bare_ply
@@ -39,14 +39,12 @@ _ZERO = {"componentType": 5121, "count": 1, "type": "SCALAR"}  # an accessor of 
 
 
 def prune(
-    source: Path, output: Path, seed: int, threads: int | None, quiet: bool,
-    by: PrunedBy = "faces", keep_neighbours: int = 0, seen_from: SeenFrom = "outside", depth: int = 0,
-    up: str | None = None,
-) -> str:  # fmt: skip
+    source: Path, output: Path, quiet: bool, by: PrunedBy, keep_neighbours: int, up: str | None = None, **seen: Any
+) -> str:
     """Write the mesh file without its unseen faces, a .glb with all else that it has; return a line about it.
 
     Args: by: what goes as a whole, if nothing of it is seen. keep_neighbours: how many rings of faces around seen
-        ones stay. seen_from, depth, up: as `ao.unseen_faces` takes them.
+        ones stay. up: axis of the file, if another. seen: options of `ao.unseen_faces`.
 
     Raises: OptionError: of the output's ending, or nothing would be left. MeshError: the file cannot be read.
     """
@@ -68,16 +66,16 @@ def prune(
     if ending == ".glb":
         check_vertices(mesh_file)
     with progress(quiet, "rays") as (advance,):
-        above = seen_from == "above"
-        unseen = unseen_faces(mesh_file.mesh, seed, threads, advance, above=above, depth=depth)
+        unseen = unseen_faces(mesh_file.mesh, progress=advance, **seen)
     group, names = _groups(mesh_file, by)
     kept = ~unseen.faces
     if by != "faces":
         kept = (np.bincount(group, kept, len(names)) > 0)[group]
     if keep_neighbours:
         kept = _with_rings(mesh_file.mesh, kept, keep_neighbours)
+    where = "above" if seen.get("above") else "outside"
     if not kept.any():
-        raise OptionError("mesh", f"faces that something {seen_from} sees", f"{source}, without any: is it a room?")
+        raise OptionError("mesh", f"faces that something {where} sees", f"{source}, without any: is it a room?")
     if ending == ".glb":
         with parser_errors(source):
             content, face_count = _visible_glb(mesh_file, kept)
@@ -85,7 +83,7 @@ def prune(
         content = _visible_mesh(mesh_file.mesh, kept, output)
         face_count = int(np.count_nonzero(kept))
     write_bytes(output, content)
-    text = f"{output}: {face_count:,} faces; {len(kept) - face_count:,} that nothing {seen_from} sees are gone"
+    text = f"{output}: {face_count:,} faces; {len(kept) - face_count:,} that nothing {where} sees are gone"
     # What is gone of each group, those first of which that is least sure.
     totals = np.bincount(group, minlength=len(names))
     gone = []
@@ -107,15 +105,14 @@ def _groups(source: Asset, by: PrunedBy) -> tuple[AnyInts, list[str]]:
     if by != "parts":
         return of, names
     corners = _corners(source.mesh)
-    _, first, part = np.unique(
-        connected_components(corners, int(corners.max()) + 1)[corners[:, 0]], return_index=True, return_inverse=True
-    )
+    of_corners: Int64s = connected_components(corners, int(corners.max()) + 1)
+    _, first, part = np.unique(of_corners[corners[:, 0]], return_index=True, return_inverse=True)
     return part, [names[of[row]] for row in first]
 
 
-def _corners(mesh: Mesh) -> AnyInts:
+def _corners(mesh: Mesh) -> Int64s:
     """The vertices (m, 3) of all faces, coincident ones as one."""
-    numbers: AnyInts = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
+    numbers: Int64s = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
     return numbers
 
 

@@ -1,6 +1,7 @@
 """Faces that nothing outside sees, where it is known which they are."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ def test_a_box_in_a_closed_box_is_unseen():
     found = ao.unseen_faces(joined(trimesh.creation.box((2, 2, 2)), trimesh.creation.box((1, 1, 1))))
     assert (found.faces == np.repeat([False, True], 12)).all()
     rays = found.rays[found.faces].sum()
-    assert rays > 1 << 14, "for the room between the boxes"
+    assert rays > 1 << 15, "for the room between the boxes"
     assert found.share(found.faces) == 3 / rays
     assert found.share(found.faces & (np.arange(24) < 13)) > 10 * found.share(found.faces)
 
@@ -28,7 +29,7 @@ def test_closed_rooms_end_early():
     ball = trimesh.creation.icosphere(subdivisions=4)
     found = ao.unseen_faces(joined(trimesh.creation.box((4, 4, 4)), ball))
     assert found.faces[12:].all()
-    assert found.rays[12:].max() <= 32
+    assert found.rays[12:].max() <= 128
 
 
 def test_what_a_window_shows_is_kept():
@@ -86,7 +87,7 @@ def test_cavities_are_kept_by_bounces():
         side += [plan[0] + offset, plan[1] + [-offset[1], offset[1]], plan[2] + [-offset[1], offset[1]]]
         side += [plan[3] + [-offset[1], offset[1]], plan[4] + [-offset[1], 0]]
     walls = [trimesh.Trimesh([[*a, 0], [*b, 0], [*b, 1], [*a, 1]], [[0, 1, 2], [0, 2, 3]], process=False)
-             for line in (left, right) for a, b in zip(line, line[1:], strict=False)]  # fmt: skip
+             for line in (left, right) for a, b in pairwise(line)]  # fmt: skip
     walls = [wall.subdivide().subdivide() for wall in walls]
     outline = [[-0.01, -0.01], [9, -0.01], [9, 9], [-0.01, 9]]
     lids = [trimesh.Trimesh([[*p, z] for p in outline], [[0, 1, 2], [0, 2, 3]], process=False) for z in (0, 1)]

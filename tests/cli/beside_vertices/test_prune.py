@@ -203,12 +203,12 @@ def kept(*options):
 def test_parts_and_objects_of_which_something_is_seen_stay_whole(lidless):
     faces, said = kept()
     assert faces["ball"] < lidless["ball"]
-    assert f"ball ({lidless['ball'] - faces['ball']} of {lidless['ball']} faces, 0." in said
-    assert "core (80 faces, 0." in said
+    assert f"ball ({lidless['ball'] - faces['ball']} of {lidless['ball']} faces, " in said
+    assert "core (80 faces, " in said
     for by in ("parts", "objects"):
         whole, said = kept("--by", by)
         assert whole == lidless, by
-        assert "; 80 that nothing outside sees are gone: core (80 faces, 0.0" in said
+        assert "; 80 that nothing outside sees are gone: core (80 faces, " in said
 
 
 def test_what_is_gone_has_its_bound_by_the_rule_of_three(lidless):
