@@ -27,6 +27,7 @@ from obscurance.scenes.bake.options import (
     Metric,
     PrunedBy,
     RenderOptions,
+    SeenFrom,
     Up,
     named,
     of_bake,
@@ -151,6 +152,9 @@ def falloff(baked: Path, half_distance: str, output: Path, power: str | None, me
     Option("mesh", Path, ..., "A mesh file: .glb .gltf .obj .ply .stl .off .3mf", is_argument=True),
     Option("output", Path, ..., "The file to write: .glb, with materials, .ply .obj .stl .off", short="-o"),
     Option("by", PrunedBy, "faces", "What goes as a whole, if nothing of it is seen."),
+    Option("from", SeenFrom, "outside", "Where it is seen from; above: by lines that rise, by the up axis."),
+    of_bake("up", help="Up axis, by default what the file says, or y."),
+    Option("depth", int, 0, "Bounces from a seen side into a cavity, whose faces stay.", metavar="N"),
     Option("keep_neighbours", int, 0, "Rings of faces around seen ones that stay.", metavar="N"),
     _SEED,
     of_bake("threads"),
@@ -160,7 +164,8 @@ def prune(mesh: Path, output: Path, quiet: bool, **options: Any) -> None:
     """Drop the faces that nothing outside sees."""
     from obscurance.scenes.commands.prune import prune as prune_file
 
-    summary = prune_file(mesh, output, quiet=quiet, **options)
+    above = options.pop("from") == "above"
+    summary = prune_file(mesh, output, quiet, above=above, **options)
     if not quiet:
         print(summary)
 

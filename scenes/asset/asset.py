@@ -369,6 +369,15 @@ class Asset:
                 of_material = Named(material, self.material(material).name if exists else f"material {material}")
                 yield Run(number, rows + part.faces.start, of_material, Named(key, name), body)
 
+    @property
+    def objects_of_faces(self) -> tuple[Int64s, list[str]]:
+        """The number (m,) of the object of each face, and the objects' names."""
+        numbers: dict[Named, int] = {}
+        of = np.zeros(len(self.mesh.faces), np.int64)
+        for run in self.runs():
+            of[run.faces] = numbers.setdefault(run.object, len(numbers))
+        return of, [named.name for named in numbers]
+
     def material(self, number: int) -> Material:
         """A material by its number, a white one for −1. Raises: MeshError: there is none of this number."""
         if number >= len(self.materials):

@@ -28,6 +28,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 REPORTS = ".json", ".html"  # endings
 Metric = Literal["flip", "rms", "max"]
 PrunedBy = Literal["faces", "parts", "objects"]
+SeenFrom = Literal["outside", "above"]
 Alpha = Literal["auto", "ignore"]
 OccludedBy = Literal["all", "object", "name"]
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]

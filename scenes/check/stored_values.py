@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..asset.asset import Asset
 
 _GREY = 0.02  # between channels, up to which colours are grey
-_CHANNELS = "red", "green", "blue", "alpha"
+_CHANNELS = "red", "green", "blue"
 _OTHERS = ".jpg", ".jpeg", ".tga", ".bmp", ".webp", ".hdr"  # endings of images of other programs
 _OWN = "values that a bake has left"
 _NO_W = "w as obscurance bake writes it, vertex colours or an occlusion texture"
@@ -46,9 +46,15 @@ class StoredValues(NamedTuple):
     faces: Bools | None = None
 
     @property
-    def rows_count(self) -> int:
-        """The number of elements."""
-        return len(next(iter(self.rows.values())))
+    def rows_count(self) -> int | None:
+        """The number of elements, if values are of some."""
+        return len(next(iter(self.rows.values()))) if self.rows else None
+
+    def at(self, rows: Int64s, weights: Float64s | None) -> dict[str, Float64s]:
+        """The values (k,) of elements, or at places on faces by barycentric coordinates (k, 3), by their meaning."""
+        if weights is None:
+            return {meaning: column[rows] for meaning, column in self.rows.items()}
+        return {meaning: lookup(rows, weights) for meaning, lookup in self.lookups.items()}
 
     def interpolated(self, faces: Int32s) -> StoredValues:
         """The values of vertices as they are shown on the faces (m, 3) between them."""
@@ -101,18 +107,16 @@ def is_image(file: Path) -> bool:
 
 def _meanings(own: Asset) -> dict[str, Float64s]:
     """What vertex colours may mean: the grey, or a channel, as it is stored or decoded."""
-    parts = [part.primitive.columns[COLOR] for part in own.parts]
-    stored = np.concatenate([column.colours(column.srgb)[:, :3] for column in parts])
-    values = {"grey": stored.mean(axis=1)}
-    if np.ptp(stored, axis=1).max() > _GREY:
-        values = dict(zip(_CHANNELS, stored.T, strict=False))
-    if all(column.values.shape[1] == 4 for column in parts):
-        alpha = np.concatenate([column.values[:, 3] for column in parts]).astype(np.float64)
-        values |= {"alpha": alpha} if np.ptp(alpha) > 0 else {}
-    clipped = {name: np.clip(column, 0.0, 1.0) for name, column in values.items()}
-    decoded = {name: decode_srgb(column).astype(np.float64) for name, column in clipped.items() if name != "alpha"}
-    linear = {f"{name}, linear": column for name, column in clipped.items()}
-    return linear | {f"{name}, sRGB": column for name, column in decoded.items()}
+    columns = [part.primitive.columns[COLOR] for part in own.parts]
+    width = min(column.values.shape[1] for column in columns)
+    stored = np.clip(np.concatenate([column.colours(column.srgb)[:, :width] for column in columns]), 0.0, 1.0)
+    rgb = stored[:, :3]
+    is_grey = np.ptp(rgb, axis=1).max() <= _GREY
+    values = {"grey": rgb.mean(axis=1)} if is_grey else dict(zip(_CHANNELS, rgb.T, strict=True))
+    if width == 4 and np.ptp(stored[:, 3]) > 0:
+        values["alpha"] = stored[:, 3]
+    linear = {f"{name}, linear": column for name, column in values.items()}
+    return linear | {f"{name}, sRGB": decode_srgb(column).astype(np.float64) for name, column in values.items()}
 
 
 def _textured(where: str, kinds: dict[str, FaceTextures]) -> StoredValues:

@@ -16,7 +16,7 @@ from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.weld import coincident, connected_components
 from obscurance.raytrace.system.atomic import check_writable, write_bytes
 from obscurance.raytrace.system.checks import check_outputs
-from obscurance.raytrace.types import AnyInts, Bools, Float64s
+from obscurance.raytrace.types import AnyInts, Bools, Float64s, Int64s
 
 from ..bake.console import warn
 from ..bake.options import PrunedBy
@@ -28,7 +28,7 @@ from ..formats.unsupported import unsupported_features
 from ..show.progress import progress
 
 if TYPE_CHECKING:
-    from ..asset.asset import Asset, Named, Part
+    from ..asset.asset import Asset, Part
     from ..formats.gltf.asset import Gltf
     from ..formats.gltf.builder import GlbBuilder
 
@@ -39,13 +39,12 @@ _ZERO = {"componentType": 5121, "count": 1, "type": "SCALAR"}  # an accessor of 
 
 
 def prune(
-    source: Path, output: Path, seed: int, threads: int | None, quiet: bool,
-    by: PrunedBy = "faces", keep_neighbours: int = 0,
-) -> str:  # fmt: skip
+    source: Path, output: Path, quiet: bool, by: PrunedBy, keep_neighbours: int, up: str | None = None, **seen: Any
+) -> str:
     """Write the mesh file without its unseen faces, a .glb with all else that it has; return a line about it.
 
     Args: by: what goes as a whole, if nothing of it is seen. keep_neighbours: how many rings of faces around seen
-        ones stay.
+        ones stay. up: axis of the file, if another. seen: options of `ao.unseen_faces`.
 
     Raises: OptionError: of the output's ending, or nothing would be left. MeshError: the file cannot be read.
     """
@@ -57,7 +56,7 @@ def prune(
     if keep_neighbours < 0:
         raise OptionError("keep_neighbours", "a number of rings from 0 on", keep_neighbours)
     check_writable(output)
-    mesh_file = load(source, output if ending == ".glb" else None)
+    mesh_file = load(source, output if ending == ".glb" else None, up=up)
     check_outputs({"--output": output}, mesh_file.files)
     warn([], [*mesh_file.notes, *_losses(mesh_file, output)])
     if ending == ".glb" and not mesh_file.is_scene:
@@ -67,10 +66,16 @@ def prune(
     if ending == ".glb":
         check_vertices(mesh_file)
     with progress(quiet, "rays") as (advance,):
-        unseen = unseen_faces(mesh_file.mesh, seed, threads, advance)
-    kept = _kept(mesh_file, ~unseen.faces, by, keep_neighbours)
+        unseen = unseen_faces(mesh_file.mesh, progress=advance, **seen)
+    group, names = _groups(mesh_file, by)
+    kept = ~unseen.faces
+    if by != "faces":
+        kept = (np.bincount(group, kept, len(names)) > 0)[group]
+    if keep_neighbours:
+        kept = _with_rings(mesh_file.mesh, kept, keep_neighbours)
+    where = "above" if seen.get("above") else "outside"
     if not kept.any():
-        raise OptionError("mesh", "faces that something outside sees", f"{source}, without any: is it a room?")
+        raise OptionError("mesh", f"faces that something {where} sees", f"{source}, without any: is it a room?")
     if ending == ".glb":
         with parser_errors(source):
             content, face_count = _visible_glb(mesh_file, kept)
@@ -78,51 +83,47 @@ def prune(
         content = _visible_mesh(mesh_file.mesh, kept, output)
         face_count = int(np.count_nonzero(kept))
     write_bytes(output, content)
-    text = f"{output}: {face_count:,} faces; {len(kept) - face_count:,} that nothing outside sees are gone"
-    gone = _gone_objects(mesh_file, kept)
-    listed = f". Whole objects: {', '.join(gone[:_LISTED])}{', …' if len(gone) > _LISTED else ''}" if gone else ""
-    return f"{text}{listed}. Of what one of these looks at less than {unseen.share:.2%} is open, with 95 % confidence"
+    text = f"{output}: {face_count:,} faces; {len(kept) - face_count:,} that nothing {where} sees are gone"
+    # What is gone of each group, those first of which that is least sure.
+    totals = np.bincount(group, minlength=len(names))
+    gone = []
+    for number in np.unique(group[~kept]).tolist():
+        faces = ~kept & (group == number)
+        count = np.count_nonzero(faces)
+        part = f"{count:,} faces" if count == totals[number] else f"{count:,} of {totals[number]:,} faces"
+        gone.append((unseen.share(faces), f"{names[number]} ({part}, {unseen.share(faces):.1g})"))
+    gone.sort(reverse=True)
+    listed = ", ".join(printable(line) for _, line in gone[:_LISTED])
+    more = f" and {len(gone) - _LISTED:,} more, surer" if len(gone) > _LISTED else ""
+    sure = f": {listed}{more}. Of what each looks at less than its share may be open, with 95 % confidence"
+    return text + (sure if gone else "")
 
 
-def _objects(source: Asset) -> tuple[AnyInts, list[str]]:
-    """The number of the object (m,) of each face, and the objects' names."""
-    numbers: dict[Named, int] = {}
-    of = np.zeros(len(source.mesh.faces), np.int64)
-    for run in source.runs():
-        of[run.faces] = numbers.setdefault(run.object, len(numbers))
-    return of, [named.name for named in numbers]
+def _groups(source: Asset, by: PrunedBy) -> tuple[AnyInts, list[str]]:
+    """The number (m,) of each face's object, or connected part, and their names; a part has its object's."""
+    of, names = source.objects_of_faces
+    if by != "parts":
+        return of, names
+    corners = _corners(source.mesh)
+    of_corners: Int64s = connected_components(corners, int(corners.max()) + 1)
+    _, first, part = np.unique(of_corners[corners[:, 0]], return_index=True, return_inverse=True)
+    return part, [names[of[row]] for row in first]
 
 
-def _kept(source: Asset, seen: Bools, by: PrunedBy, rings: int) -> Bools:
-    """The faces that stay: of which something is seen, or of whose object or connected part, and `rings` around."""
-    if by == "objects":
-        group, names = _objects(source)
-        seen = (np.bincount(group, seen, len(names)) > 0)[group]
-    if by != "parts" and not rings:
-        return seen
-    mesh = source.mesh
-    corners = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
-    count = int(corners.max()) + 1
-    if by == "parts":
-        part = connected_components(corners, count)[corners[:, 0]]
-        seen = (np.bincount(part, seen) > 0)[part]
+def _corners(mesh: Mesh) -> Int64s:
+    """The vertices (m, 3) of all faces, coincident ones as one."""
+    numbers: Int64s = coincident(Placement.of(mesh).vertices, mesh.faces)[mesh.faces]
+    return numbers
+
+
+def _with_rings(mesh: Mesh, kept: Bools, rings: int) -> Bools:
+    """The kept faces, and `rings` around them."""
+    corners = _corners(mesh)
     for _ in range(rings):
-        beside = np.zeros(count, np.bool_)
-        beside[corners[seen]] = True
-        seen = np.any(beside[corners], axis=1)
-    return seen
-
-
-def _gone_objects(source: Asset, kept: Bools) -> list[str]:
-    """Objects of which no face stays, and how many they had."""
-    of, names = _objects(source)
-    counts = np.bincount(of, minlength=len(names))
-    left = np.bincount(of, kept, len(names))
-    return [
-        printable(f"{name} ({count:,} faces)")
-        for name, count, kept_count in zip(names, counts.tolist(), left, strict=True)
-        if count and not kept_count
-    ]
+        beside = np.zeros(int(corners.max()) + 1, np.bool_)
+        beside[corners[kept]] = True
+        kept = np.any(beside[corners], axis=1)
+    return kept
 
 
 def _losses(source: Asset, output: Path) -> Sequence[str]:

@@ -10,11 +10,6 @@ from mesh_files import obj
 from obscurance.scenes.formats.load import load
 
 
-@pytest.fixture(autouse=True)
-def few_rays(monkeypatch):
-    monkeypatch.setattr("obscurance.ao.unseen._ROUNDS", (16, 128))
-
-
 @pytest.fixture
 def engine(tmp_path, monkeypatch):
     """A closed body with an engine that nobody sees, and two wheels of one mesh, one of them inside."""
@@ -208,11 +203,47 @@ def kept(*options):
 def test_parts_and_objects_of_which_something_is_seen_stay_whole(lidless):
     faces, said = kept()
     assert faces["ball"] < lidless["ball"]
-    assert "Whole objects: core (80 faces)." in said
+    assert f"ball ({lidless['ball'] - faces['ball']} of {lidless['ball']} faces, " in said
+    assert "core (80 faces, " in said
     for by in ("parts", "objects"):
         whole, said = kept("--by", by)
         assert whole == lidless, by
-        assert "; 80 that nothing outside sees are gone. Whole objects: core (80 faces)." in said
+        assert "; 80 that nothing outside sees are gone: core (80 faces, " in said
+
+
+def test_what_is_gone_has_its_bound_by_the_rule_of_three(lidless):
+    """The least sure comes first; a bound is 3 over the rays of all faces that are gone."""
+    from obscurance import ao
+
+    source = load("box.glb")
+    unseen = ao.unseen_faces(source.mesh)
+    said = kept()[1].partition("are gone: ")[2]
+    of, names = source.objects_of_faces
+    bounds = {}
+    for number, name in enumerate(names):
+        faces = unseen.faces & (of == number)
+        if faces.any():
+            bounds[name] = 3 / unseen.rays[faces].sum()
+            assert f"{bounds[name]:.1g})" in said.partition(f"{name} (")[2]
+    order = sorted(bounds, key=bounds.get, reverse=True)
+    assert [part.split(" (")[0] for part in said.split("), ")] == order
+
+
+def test_what_is_seen_from_above(tmp_path, monkeypatch):
+    """A box on a table: the table's underside goes, by the axis that is up; and what stands under it stays by its
+    sides."""
+    monkeypatch.chdir(tmp_path)
+    table = trimesh.creation.box((4, 4, 0.2)).apply_translation([0, 0, 2])
+    stool = trimesh.creation.box((1, 1, 1))
+    trimesh.util.concatenate([table, stool]).export("room.stl")
+    for up, count in (("z", 24 - 4), ("x", 24 - 4)):
+        succeeded("prune", "room.stl", "-o", "seen.stl", "--from", "above", "--up", up)
+        left = trimesh.load("seen.stl")
+        assert len(left.faces) == count
+        assert left.face_normals[:, "xyz".index(up)].min() > -0.9
+    succeeded("prune", "room.stl", "-o", "seen.glb", "--from", "above", "--up", "z")
+    assert len(trimesh.load_mesh("seen.glb").faces) == 20
+    refused(obscurance("prune", "room.stl", "-o", "seen.stl", "--from", "below"), "prune --from", "outside, above")
 
 
 def test_neighbours_of_seen_faces_stay(lidless):

@@ -53,7 +53,7 @@ def test_a_wrong_accessor_ends_in_one_line(tmp_path, monkeypatch, share):
                 if output == "page.glb":
                     unwrapped(path)
                 else:
-                    prune(path, tmp_path / output, 0, 1, True)
+                    prune(path, tmp_path / output, True, "faces", 0)
             except ObscuranceError:  # whose message is one line
                 refused += 1
             except Exception as error:
@@ -62,12 +62,14 @@ def test_a_wrong_accessor_ends_in_one_line(tmp_path, monkeypatch, share):
     assert refused > 20
 
 
-def hidden(mesh, *_):
+def hidden(mesh, **_):
     """In place of what is found by rays: the last face is not seen."""
 
     class Unseen:
         faces = np.arange(len(mesh.faces)) == len(mesh.faces) - 1
-        share = 0.0
+
+        def share(self, faces):
+            return 0.0
 
     return Unseen()
 
