@@ -66,6 +66,9 @@ def _project(prepared: Prepared, coarse: Mesh, vertices: Receivers, inputs: Inpu
     fine = FineMesh(prepared.mesh.source, placement, prepared.receivers, prepared.threads, prepared.progress)
     # One vertex for each point: its place, and the cage's there.
     representative = vertices.first_vertex
+    if inputs.places is not None:
+        face, barycentric = inputs.places
+        return SurfacePoints(face[representative], barycentric[representative]), np.zeros(0, np.int64)
     positions = (coarse.vertices[representative] - placement.centre) * placement.scale
     cage = cage_of(prepared.options.cage, coarse, prepared.mesh)
     reach = cage.vertices[representative] if isinstance(cage, Mesh) else cage

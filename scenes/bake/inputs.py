@@ -43,6 +43,7 @@ class BakeInputs(NamedTuple):
         fine: the finer meshes as one. occluders: besides.
         arguments: those of `ao.bake` and `ao.bake_texture` that are made of files, but for the mesh.
         files: all that were read. content: of the input, if it is no file's. notes: warnings about the meshes.
+        refined: a line about the vertices that `--between` has added, or nothing.
         started: when reading began, in seconds of `time.perf_counter`.
     """
 
@@ -56,6 +57,7 @@ class BakeInputs(NamedTuple):
     content: bytes | None
     notes: list[str]
     started: float
+    refined: str = ""
 
     @property
     def solids(self) -> list[Mesh]:
@@ -142,7 +144,38 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
     notes = [note for file in files for note in file.notes]
     notes += _doubts(plan, source.mesh, [wall.mesh for wall in walls])
     paths = [path for file in files for path in file.files]
-    return BakeInputs(source, chosen, layout, fine, occluders, arguments, paths, content, notes, started)
+    inputs = BakeInputs(source, chosen, layout, fine, occluders, arguments, paths, content, notes, started)
+    return inputs if options.between is None else _refined(plan, inputs)
+
+
+def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
+    """The inputs with the mesh cut as `--between` asks for, whose w is that of the mesh as it was."""
+    from obscurance.ao.baking import VertexArguments
+    from obscurance.ao.points.occluders import joined
+    from obscurance.ao.refine import refine
+
+    from ..asset.refined import refined_asset
+
+    options, source, before = plan.options, inputs.source, inputs.chosen.mesh
+    with progress(options.quiet, "cutting", form=options.progress):
+        arguments = VertexArguments.of(plan.arguments, before, occluders=inputs.occluders, threads=options.threads)
+        refined = refine(arguments, options.between)
+    if refined.cuts and source.is_scene:
+        from ..formats.gltf.refined import refined_glb
+
+        document = refined_glb(source, refined.cuts)
+        name = source.path.with_suffix(".glb")
+        source = load(name, plan.output, document, options.alpha == "auto", options.up)
+    elif refined.cuts:
+        source = refined_asset(source, refined.cuts)
+    mesh = source.mesh if before is inputs.source.mesh else source.split
+    fine = joined([before, *inputs.occluders])
+    places = {"high": fine, "occluders": [], "places": refined.places(mesh.faces, len(mesh.vertices))}
+    line = (
+        f"{len(before.vertices):,} vertices became {len(mesh.vertices):,}, between which w errs by {refined.error:.4f}"
+    )
+    chosen = ObjectSelection(mesh, np.ones(len(mesh.faces), np.bool_))
+    return inputs._replace(source=source, chosen=chosen, fine=fine, occluders=[], arguments=places, refined="\n" + line)
 
 
 def _occluders(plan: Plan, mesh: Mesh, chosen: Mesh, walls: Iterable[Asset]) -> list[Mesh]:

@@ -49,6 +49,10 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("preset", Literal[*PRESETS] | None, None, "Options that suit a program, where they apply and are not "
                "given here.", EVERY_BAKE, "output"),
         "tolerance",
+        Option("between", float | None, None, "Also cut faces in two until w interpolated between vertices errs by no "
+               "more, as RMS over the surface; into .glb and .ply.", "vertices batch", "output",
+               excludes=("high", "at", "both_sides", "receive", "cast", "exclude", "occluded_by", "points", "thickness",
+                         "method"), metavar="E"),
         Option("falloff", str, "exponential", "How occlusion fades with distance; not at all (binary: ambient "
                "occlusion); or a table of two columns, distance and what a hit there leaves open, 0 to 1: .csv .txt "
                ".npy.", metavar="exponential|binary|linear|smooth|table:FILE",

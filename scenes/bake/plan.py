@@ -41,6 +41,7 @@ _READS = {
     "meshlab": (".ply", ".obj", ".png"),
 }
 """The endings of outputs that a preset's program reads."""
+_LEAST_BETWEEN = 1e-3
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3}
 
 
@@ -322,6 +323,11 @@ def _check_vertices(plan: Plan) -> None:
     check_holds(plan.output, "points" if options.points else options.at, options.both_sides)
     if options.high is not None and options.method == "surface":
         raise ConflictError("high", "does not go with", ("method", "surface"), why=FITS_INPUT)
+    if options.between is not None:
+        if plan.ending not in (".glb", ".ply"):
+            raise ConflictError("between", "needs", "an output that ends in .glb .ply, whose faces can be others")
+        if not _LEAST_BETWEEN <= options.between <= 1:
+            raise OptionError("between", f"an error from {_LEAST_BETWEEN} to 1", options.between)
     if options.profile and "profile" not in format_of(plan.output).holds:
         raise ConflictError("profile", "needs", "an output that holds one: .npz .ply .glb .html")
 

@@ -93,7 +93,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         from ..show.report.pictures import write_marked
 
         write_marked(options.debug_image, inputs.source.baked_mesh(len(baked.w)), baked)
-    yield OutputSummary(bake_summary(baked, plan.output) + inputs.alpha, warnings)
+    yield OutputSummary(bake_summary(baked, plan.output) + inputs.refined + inputs.alpha, warnings)
 
 
 def _hard_edges(plan: Plan, inputs: BakeInputs) -> list[str]:

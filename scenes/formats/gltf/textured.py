@@ -1,7 +1,7 @@
 """A binary glTF with baked textures as its materials' occlusion textures, by the coordinates they were baked for."""
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.types import AnyFloats, Float64s, Int64s
 
 from ...asset.asset import Asset
+from ...asset.primitive import Array
 from ..load import parser_errors
 from ..table import Channels
 from .accessors import flipped, normalized, triangles, values
@@ -163,21 +164,29 @@ def split_vertices(
 
 def take_vertices(builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], taken_rows: Int64s) -> None:
     """Give a primitive, and its morph targets, some rows of its own vertices."""
+    change_vertices(builder, asset, primitive, lambda name, stored: stored[taken_rows])
+
+
+def change_vertices(
+    builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], change: Callable[[str, Array], Array]
+) -> None:
+    """Give a primitive, and its morph targets, other rows of vertices: `change` of an attribute's name and values."""
     for attributes in (primitive["attributes"], *primitive.get("targets", [])):
         for name, accessor in attributes.items():
-            attributes[name] = _taken_accessor(builder, asset, accessor, taken_rows)
+            stored = values(asset, accessor, *_VECTORS)
+            attributes[name] = _accessor_like(builder, asset.header["accessors"][accessor], change(name, stored))
 
 
-def _taken_accessor(builder: GlbBuilder, asset: Gltf, number: int, taken_rows: Int64s) -> int:
-    """Index of a new accessor of some rows of another."""
-    old = asset.header["accessors"][number]
-    taken = np.ascontiguousarray(values(asset, number, *_VECTORS)[taken_rows])
+def _accessor_like(builder: GlbBuilder, old: dict[str, Any], rows: Array) -> int:
+    """Index of a new accessor of `rows` (n, d), of the kind of an old one."""
+    taken = np.ascontiguousarray(rows)
     data = taken.view(np.uint8)
     padding = -data.shape[1] % 4
     strided = {"byteStride": data.shape[1] + padding} if padding else {}
     view = builder.bytes_view(np.pad(data, ((0, 0), (0, padding))).tobytes(), target=ARRAY_BUFFER, **strided)
-    entry = {key: old[key] for key in ("componentType", "type", "normalized", "name", "extras") if key in old}
-    entry |= {"bufferView": view, "count": len(taken_rows)}
+    kept = "componentType", "type", "normalized", "name", "extras"
+    entry: dict[str, Any] = {key: old[key] for key in kept if key in old}
+    entry |= {"bufferView": view, "count": len(taken)}
     if "min" in old:
         entry |= {"min": taken.min(axis=0).tolist(), "max": taken.max(axis=0).tolist()}
     return builder.append("accessors", entry)

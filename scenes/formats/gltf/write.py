@@ -46,7 +46,7 @@ def glb(bake: Bake, asset: Asset, channels: Channels) -> bytes:
 def document(asset: Asset, bake: Bake | None, channels: Channels = Channels()) -> tuple[GlbBuilder, list[Drawn]]:
     """The document of a mesh file, with w of a bake, and its drawn primitives. Raises: as `glb`."""
     raw = asset.raw if isinstance(asset.raw, Gltf) else None
-    builder, drawn = _stored(raw, asset.parts) if raw else plain(asset, channels.colors)
+    builder, drawn = stored_document(raw, asset.parts) if raw else plain(asset, channels.colors)
     stored = Gltf(asset.path, builder.header, [bytes(builder.binary)]) if len(channels.colors) == 1 else None
     _add_up_axis_node(builder.header, up_axis(asset.mesh, channels.up), raw)
     builder.describe_bake(channels.record)
@@ -59,7 +59,7 @@ def document(asset: Asset, bake: Bake | None, channels: Channels = Channels()) -
     return builder, drawn
 
 
-def _stored(raw: Gltf, parts: tuple[Part, ...]) -> tuple[GlbBuilder, list[Drawn]]:
+def stored_document(raw: Gltf, parts: tuple[Part, ...]) -> tuple[GlbBuilder, list[Drawn]]:
     """The document of a glTF source with a mesh of its own for each instance, and its drawn primitives."""
     _ = raw.materials  # to find what is malformed
     builder = one_buffer(raw)
