@@ -155,14 +155,14 @@ def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
     from obscurance.ao.refine import refine
 
     from ..asset.refined import refined_asset
+    from ..formats.gltf.refined import check_no_skin, refined_glb
 
+    check_no_skin(inputs.source)
     options, source, before = plan.options, inputs.source, inputs.chosen.mesh
     with progress(options.quiet, "cutting", form=options.progress):
         arguments = VertexArguments.of(plan.arguments, before, occluders=inputs.occluders, threads=options.threads)
         refined = refine(arguments, options.between)
     if refined.cuts and source.is_scene:
-        from ..formats.gltf.refined import refined_glb
-
         document = refined_glb(source, refined.cuts)
         name = source.path.with_suffix(".glb")
         source = load(name, plan.output, document, options.alpha == "auto", options.up)

@@ -125,7 +125,8 @@ def _coarse(plan: Plan, source: Asset, baked: ao.Bake) -> list[str]:
         return [f"{text}: add --method surface"]
     if plan.ending in (".npy", ".npz") or is_raster(plan.mesh):
         return [f"{text}: subdivide them"]
-    return [f"{text}: subdivide them, or bake a texture, {texture} into a .glb"]
+    cut = "add --between 0.02" if plan.ending == ".ply" else "subdivide them"
+    return [f"{text}: {cut}, or bake a texture, {texture} into a .glb"]
 
 
 def _can_be_fitted(plan: Plan) -> bool:

@@ -16,18 +16,19 @@ from .write import stored_document
 _UNIT = "NORMAL", "TANGENT"
 
 
-def refined_glb(source: Asset, cuts: Sequence[Cuts]) -> bytes:
-    """A glTF source as stored, a mesh of its own for each instance, after cuts of the faces of its mesh.
+def check_no_skin(source: Asset) -> None:
+    """Check that faces can be cut: joints of two vertices have no mean. Raises: MeshError: a glTF has a skin."""
+    if isinstance(source.raw, Gltf) and any(drawn.skin is not None for drawn in source.raw.drawn):
+        raise MeshError(source.path, "skin", "none, where faces are cut between vertices", "one")
 
-    Raises: MeshError: it has a skin, as joints of two vertices have no mean.
-    """
+
+def refined_glb(source: Asset, cuts: Sequence[Cuts]) -> bytes:
+    """A glTF source as stored, a mesh of its own for each instance, after cuts of the faces of its mesh."""
     raw = source.raw
     assert isinstance(raw, Gltf)
     builder, drawn = stored_document(raw, source.parts)
     stored = Gltf(source.path, builder.header, [bytes(builder.binary)])
     for (primitive, _, _), part, own in zip(drawn, source.parts, cuts_of_parts(source, cuts), strict=True):
-        if any(name.startswith("JOINTS_") for name in primitive["attributes"]):
-            raise MeshError(source.path, "JOINTS_0", "a mesh without a skin, to be cut by --between", "one")
         faces, extended = cut_rows(part.primitive.faces, len(part.primitive.positions), own)
 
         def change(name: str, rows: Array, extended: Callable[[Array], Array] = extended) -> Array:
