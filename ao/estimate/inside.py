@@ -8,17 +8,23 @@ import numpy as np
 
 from obscurance.raytrace.embree import (
     DIR_X,
+    END,
+    FILTER_PATH,
     GEOM_ID,
+    ID,
     INVALID,
     LANES,
     NG_X,
     ORG_X,
     PRIM_ID,
+    ROOM,
     TFAR,
+    filtered,
     intersect8,
+    intersect16,
     new_packet,
 )
-from obscurance.raytrace.kernel.jit import inline, kernel
+from obscurance.raytrace.kernel.jit import called_back, inline, kernel
 from obscurance.raytrace.kernel.vector import column
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.placement import Placement
@@ -35,7 +41,8 @@ from ..points.receivers import Receivers
 from ..points.surface_samples import SurfaceSamples
 from ..rays.directions import DirectionTable, choose, turned_frame
 
-RAYS = 16
+RAYS = 2 * LANES
+_COUNT, _PASSED = ROOM, ROOM + 1  # rows of a packet: how many solids a ray has entered, and which
 _KEY = np.uint32(0x51DE)
 _DRAWING = 1 << 14  # points that the sets of directions are for
 _BLOCK, _NEAR, _MOST = 1 << 7, 1 << 9, 16  # points, and blocks at once
@@ -52,7 +59,8 @@ def inside_solids(
     threads: int,
 ) -> Bools:
     """The points (k,) that are inside a solid as the option `interior` defines it: where over half of their rays end
-    on the back of a face. Every bake of a mesh agrees, whatever its seed and whichever points it is asked for.
+    on the back of a face, past solids that they enter before. Every bake of a mesh agrees, whatever its seed and
+    whichever points it is asked for.
 
     Args: vertex: gives a vertex (k,) of the part that each point belongs to.
     """
@@ -78,11 +86,13 @@ def inside_solids(
     scene = receivers.embree()
     hidden = np.empty(len(candidates), np.bool_)
     table = DirectionTable.make(RAYS, _DRAWING, _KEY)
+    past_solids = pass_solids.callback(hiding)
 
     def work(start: int, stop: int) -> None:
         some = candidates[start:stop]
+        packets = new_packet(), new_packet(RAYS, hit_filter=past_solids)
         solids = hiding, own_part[some], placement.diagonal
-        _find_hidden(scene.handle, new_packet(), points[some].arrays, table, solids, hidden[start:stop])
+        _find_hidden(scene.handle, packets, points[some].arrays, table, solids, hidden[start:stop])
 
     run_blocks(len(candidates), _BLOCK, work, threads, most=_MOST)
     inside[candidates] = hidden
@@ -185,10 +195,25 @@ def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Boo
     return _sought[receivers]
 
 
+@called_back(*FILTER_PATH)
+def pass_solids(call: int, of_face: Int64s) -> None:
+    """Embree's filter, as `filtered` has it: hits of solids that a ray has entered before are none.
+
+    Args: of_face: the part (m,) that each face bounds.
+    """
+    valid, rays, hits, packet = filtered(call)
+    entered = packet.view(np.int32)
+    for k in range(len(valid)):
+        lane = rays.view(np.int32)[ID, k]
+        for row in range(_PASSED, _PASSED + entered[_COUNT, lane]):
+            if valid[k] != 0 and entered[row, lane] == of_face[hits.view(np.int32)[PRIM_ID - NG_X, k]]:
+                valid[k] = 0
+
+
 @kernel
 def _find_hidden(
     scene: np.uint64,
-    packet: tuple[Float32Rows, Int32s],
+    packets: tuple[tuple[Float32Rows, Int32s], tuple[Float32Rows, Int32s]],
     points: PointArrays,
     table: DirectionTable,
     solids: tuple[Int64s, Int64s, float],
@@ -197,14 +222,13 @@ def _find_hidden(
     """Whether over half of each point's rays end on the back of a face, bool (k,); no more are traced than decide.
     Their directions are drawn by where the point is.
 
-    Args: solids: the part (m,) that each face bounds, −1 for none; the part (k,) of each point, whose faces do not
-        hide it; the rays' length.
+    Args: packets: of LANES rays, and of RAYS with `pass_solids`. solids: the part (m,) that each face bounds, −1 for
+        none; the part (k,) of each point, whose faces do not hide it; the rays' length.
     """
     of_face, of_point, reach = solids
-    rays, valid = packet
+    (rays, valid), (all_rays, waiting) = packets
+    ids, entered = rays.view(np.int32), all_rays.view(np.int32)
     directions = table.directions
-    samples = directions.shape[2]
-    ids = rays.view(np.uint32)
     bits = points.origins.view(np.uint32)
     for i in range(len(points.origins)):
         number = np.uint32(0)
@@ -213,27 +237,76 @@ def _find_hidden(
         chosen, turn = choose(number, table)
         n = points.normals[i]
         t, b = turned_frame(n, turn)
-        count = np.int64(0)
-        for first_ray in range(0, samples, LANES):
-            if 2 * count > samples or 2 * (count + samples - first_ray) <= samples:
+        frame = t, b, (n[0], n[1], n[2])
+        backs, entering = 0, 0
+        for first_ray in range(0, RAYS, LANES):
+            if 2 * backs > RAYS or 2 * (backs + entering + RAYS - first_ray) <= RAYS:
                 break
-            for lane in range(LANES):
-                x, y, z = column(directions[chosen], 0, 1, first_ray + lane)
-                for axis in range(3):
-                    rays[ORG_X + axis, lane] = points.origins[i, axis]
-                    rays[DIR_X + axis, lane] = x * t[axis] + y * b[axis] + z * n[axis]
-                rays[TFAR, lane] = reach
+            _aim(rays, points.origins[i], frame, directions[chosen], first_ray)
+            rays[TFAR] = reach
             intersect8(scene, rays, valid)
             for lane in range(LANES):
-                if ids[GEOM_ID, lane] == INVALID:
-                    continue
-                part = of_face[ids[PRIM_ID, lane]]
-                if part >= 0 and part != of_point[i]:
-                    along = np.float32(0.0)
-                    for axis in range(3):
-                        along += rays[DIR_X + axis, lane] * rays[NG_X + axis, lane]
-                    count += along > 0.0
-        hidden[i] = 2 * count > samples
+                side = _side(rays, lane, of_face, of_point[i])
+                backs += side > 0
+                entering += side < 0
+                entered[_PASSED, first_ray + lane] = of_face[ids[PRIM_ID, lane]] if side < 0 else -1
+        if 2 * backs <= RAYS < 2 * (backs + entering):  # other solids may be in the way of the backs
+            _aim(all_rays, points.origins[i], frame, directions[chosen], 0)
+            for lane in range(RAYS):
+                entered[_COUNT, lane], waiting[lane] = 1, -(entered[_PASSED, lane] >= 0)
+            backs += _backs_past_solids(scene, all_rays, waiting, backs, (of_face, of_point[i], reach))
+        hidden[i] = 2 * backs > RAYS
+
+
+@inline
+def _aim(rays, origin, frame, directions, first_ray):
+    """Write rays of a point to a packet, of directions (3, RAYS) from `first_ray` on in a frame about its normal."""
+    t, b, n = frame
+    for lane in range(rays.shape[1]):
+        x, y, z = column(directions, 0, 1, first_ray + lane)
+        for axis in range(3):
+            rays[ORG_X + axis, lane] = origin[axis]
+            rays[DIR_X + axis, lane] = x * t[axis] + y * b[axis] + z * n[axis]
+
+
+@inline
+def _side(rays, lane, of_face, own_part):
+    """1 where a ray has met the back of a solid, −1 its front, 0 nothing or something that hides nothing."""
+    ids = rays.view(np.uint32)
+    if ids[GEOM_ID, lane] == INVALID:
+        return 0
+    part = of_face[ids[PRIM_ID, lane]]
+    if part < 0 or part == own_part:
+        return 0
+    along = np.float32(0.0)
+    for axis in range(3):
+        along += rays[DIR_X + axis, lane] * rays[NG_X + axis, lane]
+    return 1 if along > 0.0 else -1
+
+
+@inline
+def _backs_past_solids(scene, rays, waiting, backs, solids):
+    """How many of the `waiting` rays meet the back of a solid before its front, whichever others they enter first; as
+    many as decide with the `backs` that there are. Args: solids: see `_find_hidden`, of one point."""
+    of_face, own_part, reach = solids
+    entered = rays.view(np.int32)
+    found, left = 0, -waiting.sum()
+    while 2 * (backs + found) <= RAYS < 2 * (backs + found + left):
+        rays[TFAR] = reach
+        intersect16(scene, rays, waiting)
+        for lane in range(RAYS):
+            if waiting[lane] == 0:
+                continue
+            side = _side(rays, lane, of_face, own_part)
+            found += side > 0
+            row = _PASSED + entered[_COUNT, lane]
+            if side < 0 and row < END:
+                entered[row, lane] = of_face[entered[PRIM_ID, lane]]
+                entered[_COUNT, lane] += 1
+            else:
+                waiting[lane] = 0
+                left -= 1
+    return found
 
 
 def _solids(vertices: Float32s, faces: Int32s) -> tuple[Int64s, Bools]:

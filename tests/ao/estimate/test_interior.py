@@ -89,6 +89,23 @@ def test_nothing_but_closed_parts_hides_by_default() -> None:
     assert ao.bake(parts(ball, floor, dome), samples=16).flagged["hidden"] > 0
 
 
+def test_solids_in_the_way_of_a_solid_do_not_bring_to_light_what_is_in_it() -> None:
+    """A ball between plates, which it sees from in front, each of two halves that touch; and all of it in a block."""
+    ball = icosphere(3)
+    plates = []
+    for axis in range(3):
+        for at in (-1.2, -1.1, 1.1, 1.2):
+            size = np.full(3, 2.0)
+            size[axis] = 0.1
+            plates.append(trimesh.creation.box(size).apply_translation(at * np.eye(3)[axis]))
+    ball = trimesh.Trimesh(*ball)
+    free, buried = parts(ball, *plates), parts(ball, *plates, trimesh.creation.box((4, 4, 4)))
+    count = len(ball.vertices)
+    hidden = [(ao.bake(mesh, samples=16).flags & ao.Flag.HIDDEN != 0)[:count] for mesh in (free, buried)]
+    assert not hidden[0].any()
+    assert hidden[1].all()
+
+
 def test_interpolation_no_longer_carries_the_dark_of_what_is_buried_into_sight() -> None:
     """A coarse block that a ball is half sunk into: w in the visible parts of triangles with buried corners."""
     block = trimesh.creation.box((4, 4, 1)).subdivide().subdivide().subdivide()
