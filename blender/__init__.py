@@ -7,7 +7,8 @@ from .job import BakeFailed, Job, find_command
 from .results import store_colours, store_image
 from .scene import Source, collect
 
-INSTALL = "python -m pip install obscurance"
+INSTALL = "python -m pip install . in its folder"
+_NAVIGATION = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "TRACKPADPAN", "TRACKPADZOOM", "NDOF_MOTION"}
 
 
 class Preferences(bpy.types.AddonPreferences):
@@ -31,7 +32,7 @@ class BakeObscurance(bpy.types.Operator):
 
     bl_idname = "object.bake_obscurance"
     bl_label = "Bake Obscurance"
-    bl_options = {"REGISTER", "UNDO"}  # noqa: RUF012
+    bl_options = {"UNDO"}  # noqa: RUF012 - not REGISTER: to repeat it by the panel of the last operator ends Blender
 
     target: EnumProperty(
         name="Into",
@@ -40,7 +41,7 @@ class BakeObscurance(bpy.types.Operator):
             ("IMAGE", "Image", "By the active UV map, with a texture node in each material"),
         ],
     )
-    name: StringProperty(name="Name", default="Obscurance", description="Of the attribute, image and node")
+    name: StringProperty(name="Name", default="Obscurance", maxlen=60, description="Of the attribute, image and node")
     size: IntProperty(name="Image Size", default=1024, min=16, max=16384, subtype="PIXEL")
     falloff: EnumProperty(
         name="Falloff",
@@ -84,7 +85,7 @@ class BakeObscurance(bpy.types.Operator):
         try:
             self._sources = collect(context, self.others, needs_uv=self.target == "IMAGE")
             self._job = Job(command, self._sources, self._options())
-        except BakeFailed as reason:
+        except (BakeFailed, OSError) as reason:
             return self._failed(reason)
         if bpy.app.background or context.window is None:
             self._job.wait()
@@ -96,20 +97,26 @@ class BakeObscurance(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
-        """Show how far it is; Esc cancels."""
+        """Show how far it is; Esc cancels. Until then the view alone can be changed."""
         if event.type == "ESC":
-            self._job.cancel()
-            self._end(context)
+            self.cancel(context)
             self.report({"INFO"}, "Cancelled")
             return {"CANCELLED"}
-        if event.type != "TIMER":
+        if event.type in _NAVIGATION:
             return {"PASS_THROUGH"}
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"}
         context.window_manager.progress_update(round(100 * self._job.share))
         context.workspace.status_text_set(f"Bake Obscurance: {self._job.stage} {self._job.share:.0%}   Esc: cancel")
         if self._job.is_running:
             return {"RUNNING_MODAL"}
         self._end(context)
         return self._finish(context)
+
+    def cancel(self, context):
+        """End the bake; called by Blender, too, when it quits or opens another file."""
+        self._job.cancel()
+        self._end(context)
 
     def _options(self):
         """The command's options."""
@@ -136,7 +143,7 @@ class BakeObscurance(bpy.types.Operator):
                     self._store(source, results)
         except BakeFailed as reason:
             return self._failed(reason)
-        self.report({"INFO"}, f"Baked {len(self._sources.baked)} objects: {self._job.summary}")
+        self.report({"INFO"}, f"Baked {self._job.summary}")
         return {"FINISHED"}
 
     def _store(self, source: Source, results):

@@ -50,10 +50,14 @@ class Job:
             words += ["--occluder", "others.glb"]
         words += ["-o", "w_<OBJECT>.png" if "--size" in options else "w.npy"]
         environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-        self._process = subprocess.Popen(
-            words, cwd=self._folder, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace",
-        )  # fmt: skip
+        try:
+            self._process = subprocess.Popen(
+                words, cwd=self._folder, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace",
+            )  # fmt: skip
+        except OSError:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            raise
         self._readers = [
             threading.Thread(target=self._hear, args=(stream,), daemon=True)
             for stream in (self._process.stdout, self._process.stderr)
@@ -89,11 +93,11 @@ class Job:
 
     def __enter__(self):
         self.wait()
-        if self._process.returncode:
+        array = self._folder / "w.npy"
+        if self._process.returncode or not any(self._folder.glob("w*")):
             shutil.rmtree(self._folder, ignore_errors=True)
             raise BakeFailed(self._said[-1] if self._said else f"obscurance ended with {self._process.returncode}")
-        self.summary = next((line for line in reversed(self._said) if "RMSE" in line), "")
-        array = self._folder / "w.npy"
+        self.summary = next((line.partition(": ")[2] for line in reversed(self._said) if "RMSE" in line), "")
         return Results(self._folder, np.load(array) if array.exists() else None)
 
     def __exit__(self, *_):

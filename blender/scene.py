@@ -91,6 +91,8 @@ def _corners(thing, matrix):
     if np.linalg.det(turn) < 0:
         triangles = triangles[:, ::-1]
     placed = (positions @ turn.T + matrix[:3, 3]).astype(np.float32)
+    if not np.isfinite(placed).all():
+        raise BakeFailed(f"{thing.name}: expected finite coordinates, got others")
     cofactors = np.stack([np.cross(turn[1], turn[2]), np.cross(turn[2], turn[0]), np.cross(turn[0], turn[1])])
     turned = normals @ cofactors.T * np.sign(np.linalg.det(turn) or 1.0)
     turned /= np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-30)

@@ -197,6 +197,7 @@ def plan_bake(options: BakeOptions, content: bytes | None = None) -> Plan:
     if kind == "vertices":
         replaced = options.replace_occlusion
         for_viewers = channels(output, options.colors, options.occlusion, replaced, ply_name=options.ply_name)
+        for_viewers = for_viewers._replace(alone=options.preset == "blender" and not options.profile)
     size = None if kind == "vertices" or options.texel_size else _texels(options.size or "1024")
     plan = Plan(kind, options, arguments, for_viewers, _ground_height(options.ground), size)
     if kind == "vertices":

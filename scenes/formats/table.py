@@ -36,6 +36,7 @@ class Channels(NamedTuple):
     replace: bool = False  # in place of occlusion textures of the source, too
     up: str | None = None  # the axis that is up, in place of `Mesh.up`
     ply_name: str | None = None  # a further property of a PLY that holds w
+    alone: bool = False  # whether a .glb has no attributes of other names: Blender 5.1 and before mix several up
     again: str = 'baked.profile.at("{}")'  # how a page says to bake another half-distance, "{}"
     warning: str = ""  # about the result, which a page says first
     record: str = ""  # of the bake (`scenes.bake.record`)

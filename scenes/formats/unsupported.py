@@ -8,7 +8,7 @@ import numpy as np
 from obscurance.raytrace.errors import printable
 
 from ..asset.asset import Asset
-from ..asset.primitive import COLOR
+from ..asset.primitive import COLOR, W
 from .obj.mtl import MATERIAL_WORDS
 from .obj.text import Obj
 from .ply.layout import Ply
@@ -27,7 +27,7 @@ def unsupported_features(target: Path, asset: Asset, channels: Channels = Channe
     colors = channels.colors
     if "source" not in row.holds:
         return []
-    missing = [*(_of_glb(asset, colors) if row.ending == ".glb" else _of_polygons(asset, row, colors))]
+    missing = [*(_of_glb(asset, channels) if row.ending == ".glb" else _of_polygons(asset, row, colors))]
     if channels.ply_name == MESHLAB and cuts_polygons(asset):
         missing.append("polygons, which become triangles")
     warnings = [f"{target}: not kept from {asset.path}: {', '.join(missing)}"] if missing else []
@@ -71,27 +71,32 @@ def _of_polygons(asset: Asset, row: FileFormat, colors: str) -> Iterator[str]:
         yield "texture coordinates"
 
 
-def _of_glb(asset: Asset, colors: str) -> Iterator[str]:
+def _of_glb(asset: Asset, channels: Channels) -> Iterator[str]:
     """What a .glb leaves out of a mesh file, in words. Raises: as `unsupported_features`."""
+    from .gltf.asset import Gltf
     from .gltf.plain import SOURCE_INDEX, kept_numbers, part_origin
 
+    colors = channels.colors
     if asset.is_scene:
         if len(colors) == 1:
             asset.columns(COLOR)  # to find what is malformed
         elif colors and any(COLOR in part.primitive.columns for part in asset.parts):
             yield "its colours"
+        if channels.alone and isinstance(asset.raw, Gltf):
+            stored = {name for drawn in asset.raw.drawn for name in drawn.stored["attributes"]}
+            yield from (f"{name} of vertices" for name in sorted(stored) if name[0] == "_" and W not in name.lower())
         return
     part_origin(asset.mesh.vertices)
     yield from asset.unread
     if has_own_colors(asset) and (len(colors) > 1 or asset.columns(COLOR) is None):
         yield "its colours"
     if len(list(asset.runs())) > len(asset.parts):
-        yield f"the order of vertices ({SOURCE_INDEX} has their places)"
+        yield "the order of vertices" + (f" ({SOURCE_INDEX} has their places)" if not channels.alone else "")
         if len(np.unique(asset.corners)) < len(asset.mesh.vertices):
             yield "vertices that no face uses"
     if (asset.sizes != 3).any():
         yield "polygons, which become triangles"
-    kept_names = kept_numbers(asset)
+    kept_names = [] if channels.alone else kept_numbers(asset)
     yield from (f"{name} of vertices" for name in asset.numbers if name not in kept_names)
     # Of a PLY's elements.
     wedges = [primitive.columns["uv0"].of is not None for primitive in asset.primitives if "uv0" in primitive.columns]

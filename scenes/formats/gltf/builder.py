@@ -20,6 +20,8 @@ from .records import LEFT, PROFILE
 if TYPE_CHECKING:
     from obscurance.ao import Bake
 
+    from ..table import Channels
+
 _CODES = {np.dtype(kind): code for code, kind in COMPONENTS.items()}
 ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER = 34962, 34963
 _GLB_MAGIC = 0x46546C67
@@ -77,22 +79,23 @@ class GlbBuilder:
         return offset
 
     def annotate(
-        self, primitive: dict[str, Any], bake: Bake, vertices: AnyInts, colors: str, stored: npt.NDArray[Any] | None
+        self, primitive: dict[str, Any], bake: Bake, vertices: AnyInts, shown: Channels, stored: npt.NDArray[Any] | None
     ) -> None:
         """Give a primitive a bake of its vertices, floats, and the profile in 16 bits, four columns an attribute.
 
-        Args: vertices: of the bake, which it has. colors: channels of `COLOR_0` that hold w, too.
-            stored: (n, 3 or 4), of the other channels; None: white, 8 bits.
+        Args: vertices: of the bake, which it has. stored: (n, 3 or 4), of the other channels of `COLOR_0`; None: white,
+            8 bits.
         """
         attributes = primitive["attributes"]
         w = bake.w[vertices]
         profile = bake.profile
-        for name in [name for name in attributes if name.startswith(LEFT[W])]:
+        for name in [name for name in attributes if name.startswith("_" if shown.alone else LEFT[W])]:
             del attributes[name]
-        for name, values in known_columns(bake).items():
+        known = known_columns(bake)
+        for name, values in {"w": known["w"]}.items() if shown.alone else known.items():
             attributes[LEFT[BAKED[name]]] = self.accessor(values[vertices].astype("<f4"))
-        if colors:
-            attributes["COLOR_0"] = self._colors(w, colors, stored)
+        if shown.colors:
+            attributes["COLOR_0"] = self._colors(w, shown.colors, stored)
         if profile is None:
             return
         for number, start in enumerate(range(0, len(profile.half_distances), 4)):

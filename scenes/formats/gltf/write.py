@@ -55,7 +55,7 @@ def document(asset: Asset, bake: Bake | None, channels: Channels = Channels()) -
             drawn = [one._replace(rows=one.vertices) for one in drawn]
         for primitive, vertices, rows in drawn:
             colors = None if stored is None else stored_colors(stored, primitive["attributes"], len(vertices))
-            builder.annotate(primitive, bake, rows, channels.colors, colors)
+            builder.annotate(primitive, bake, rows, channels, colors)
     return builder, drawn
 
 

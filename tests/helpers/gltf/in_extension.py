@@ -2,8 +2,11 @@
 
 import importlib.util
 import json
+import shutil
 import sys
+import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -17,6 +20,7 @@ bpy.ops.wm.read_factory_settings(use_empty=True)
 extension.register()
 bpy.context.preferences.addons.new().module = name
 bpy.context.preferences.addons[name].preferences.command = command
+tempfile.tempdir = str(Path(command).parent)
 
 
 def select(*things):
@@ -69,9 +73,27 @@ monkey.modifiers.new("smooth", "SUBSURF")
 select(monkey)
 answers["modified"] = bake()
 answers["wrong"] = bake(target="IMAGE", half_distance="x")
-sources = extension.collect(bpy.context, True, True)
-job = extension.Job(command, sources, ["--size", "2048", "--tolerance", "0.0001"])
-job.cancel()
-answers["left"] = [str(path) for path in Path(job._folder).parent.glob(f"{job._folder.name}*")]
+operator = SimpleNamespace(
+    _sources=extension.collect(bpy.context, True, True),
+    cancel=lambda context: extension.BakeObscurance.cancel(operator, context),
+    _end=lambda context: None,
+    report=lambda kinds, text: None,
+)
+operator._job = extension.Job(command, operator._sources, ["--size", "2048", "--tolerance", "0.0001"])
+for key in ("X", "LEFTMOUSE", "MIDDLEMOUSE", "ESC"):
+    event = SimpleNamespace(type=key)
+    answers[key] = next(iter(extension.BakeObscurance.modal(operator, bpy.context, event)))
+answers["panel"] = "REGISTER" in extension.BakeObscurance.bl_options
+monkey.modifiers.clear()
+answers["long"] = bake(name=80 * "x")
+preferences = bpy.context.preferences.addons[name].preferences
+preferences.command = shutil.which("true")
+answers["nothing"] = bake()
+Path(command).write_text("no program")
+preferences.command = command
+answers["no program"] = bake()
+monkey.data.vertices[0].co.x = float("nan")
+answers["nan"] = bake()
+answers["left"] = [path.name for path in Path(command).parent.glob("obscurance-*")]
 extension.unregister()
 print("\n" + json.dumps(answers))

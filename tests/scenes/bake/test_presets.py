@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import obscurance, refused, succeeded
+from gltf_files import check_glb
 from project import ROOT
 
 from obscurance.raytrace.errors import ConflictError
@@ -115,6 +116,23 @@ def test_images_for_unreal_and_unity_differ_by_green(folder):
     assert {name: options[name] for name in ("preset", "bits", "bent_space")} == {
         "preset": "unreal", "bits": "8", "bent_space": "tangent-directx",
     }  # fmt: skip
+
+
+def test_blender_gets_one_attribute_of_a_name_of_its_own(folder):
+    ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    ply += "property float quality\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    (folder / "q.ply").write_text(ply + "0 0 0 1\n1 0 0 2\n0 1 0 3\n3 0 1 2\n")
+    for source, output, preset, kept in [
+        ("q.ply", "all.glb", (), "QUALITY OBSCURANCE OBSCURANCE_ERROR OBSCURANCE_BENT_NORMALS OBSCURANCE_FLAGS"),
+        ("q.ply", "one.glb", ("--preset", "blender"), "OBSCURANCE"),
+        ("all.glb", "again.glb", ("--preset", "blender"), "OBSCURANCE"),
+        ("corner.obj", "corner.glb", ("--preset", "blender"), "OBSCURANCE"),
+    ]:
+        done = succeeded("bake", source, "-o", output, *preset, "--samples", 8)
+        (primitive,) = check_glb((folder / output).read_bytes())[0]["meshes"][0]["primitives"]
+        assert {name[1:] for name in primitive["attributes"] if name[0] == "_"} == set(kept.split())
+        is_lost = output in ("one.glb", "again.glb")
+        assert ("quality of vertices" in done.stderr.lower()) == is_lost, done.stderr
 
 
 def test_an_earlier_bake_is_repeated_for_another_program(folder):

@@ -14,8 +14,9 @@ from obscurance import ao
 from obscurance.raytrace.mesh.mesh import Mesh
 
 BLENDER = ROOT / ".peers" / "blender" / "bin" / "python"
-OUTPUTS = {"plain.glb": ("--occlusion", "none"), "ramp.glb": ("--occlusion", "ramp"),
-           "colors.glb": ("--preset", "blender"), "w.ply": (), "w.npy": ()}  # fmt: skip
+PRESET = "--preset", "blender"
+OUTPUTS = {"plain.glb": (*PRESET, "--occlusion", "none"), "ramp.glb": (*PRESET, "--occlusion", "ramp"),
+           "colors.glb": PRESET, "w.ply": (), "w.npy": ()}  # fmt: skip
 
 
 def floor_and_wall(side=9):
@@ -81,4 +82,11 @@ def test_the_extension_bakes_what_the_command_does(tmp_path):
     assert found["node"] is True
     assert "its modifiers change its faces: apply them, or bake into an image" in found["modified"]
     assert "bake --half-distance: expected a length above 0" in found["wrong"]
+    keys = [found[key] for key in ("X", "LEFTMOUSE", "MIDDLEMOUSE", "ESC")]  # what is baked cannot be edited meanwhile
+    assert keys == ["RUNNING_MODAL", "RUNNING_MODAL", "PASS_THROUGH", "CANCELLED"]
+    assert not found["panel"]
+    assert found["long"] == "FINISHED"
+    assert "obscurance ended with 0" in found["nothing"]
+    assert "Exec format error" in found["no program"]
+    assert "Suzanne: expected finite coordinates, got others" in found["nan"]
     assert found["left"] == []
