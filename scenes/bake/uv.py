@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -84,7 +85,7 @@ def coordinates(plan: Plan, source: Asset, chosen: ObjectSelection) -> Coordinat
         and not (requested == "auto" and plan.keeps_uv and can_unwrap)
     ):
         which = f" of number {number}" if number else ""
-        into = "" if plan.keeps_uv else f" --mesh-output {source.path.stem}-uv.glb"
+        into = "" if plan.keeps_uv else f" --mesh-output {quote(source.path.stem + '-uv.glb')}"
         advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap{into} makes some"
         raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
     share = np.sqrt(2 * _USED / np.count_nonzero(receive))  # of the page's side, of each face

@@ -114,6 +114,9 @@ def _check_output(inputs: Sequence[Path], output: Path | None) -> None:
     Raises: OptionError.
     """
     several = None
+    for word in inputs[1:]:  # of an option that takes none
+        if not word.suffix and not os.path.exists(word):
+            raise OptionError("mesh", "mesh files", word)
     if is_pattern(inputs[0]):
         several = "a pattern"
     elif len(inputs) > 1:

@@ -32,6 +32,7 @@ COMMANDS = [
         "bake a.ply b.ply -o w.npy",
         "bake --output: expected --output-dir for 2 inputs, got w.npy; did you mean --output",
     ),
+    ("bake a.ply --no-denoise off -o w.npy", "bake INPUT: expected mesh files, got off"),
     ("bake *.ply -o w.npy", "bake --output: expected --output-dir for a pattern, got w.npy"),
     (
         "bake a.ply -o w.npy --output-dir out",

@@ -23,6 +23,9 @@ def mesh(tmp_path):
 def test_a_mesh_without_texture_coordinates_gets_the_options_that_make_some(mesh):
     advice = "--uv unwrap --mesh-output hills-uv.glb"
     refused(obscurance("bake", mesh, "-o", mesh.with_suffix(".png"), "--size", 64), "texture coordinates", advice)
+    spaced = mesh.rename(mesh.with_name("two hills.obj"))
+    advice = "--uv unwrap --mesh-output 'two hills-uv.glb' makes some"
+    refused(obscurance("bake", spaced, "-o", mesh.with_suffix(".png"), "--size", 64), advice)
 
 
 def test_a_row_with_another_number_of_numbers_is_named(tmp_path):
