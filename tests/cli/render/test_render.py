@@ -84,12 +84,6 @@ def test_layers_add_up_and_say_what_is_there(whole):
     np.testing.assert_allclose(np.linalg.norm(whole["normal"][~empty], axis=-1), 1, atol=1e-6)
 
 
-def test_a_crop_is_that_part_of_the_whole(scene, folder, whole):
-    layers = rendered(scene, folder / "crop.exr", "--crop", "5,7,21,18")
-    for name, layer in layers.items():
-        np.testing.assert_array_equal(layer, whole[name][7:25, 5:26], err_msg=name)
-
-
 def test_a_preview_is_small_and_cheap(scene, folder, whole):
     report = folder / "preview.json"
     size = ("--width", 96, "--height", 64, "--samples", 64)

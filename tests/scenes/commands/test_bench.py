@@ -3,7 +3,7 @@
 import json
 
 import numpy as np
-from command import obscurance, refused, succeeded
+from command import succeeded
 
 from obscurance import ao
 from obscurance.ao import Binary, Exponential
@@ -69,8 +69,3 @@ def test_the_command_prints_a_table_and_writes_a_report(tmp_path):
     assert [row["samples"] for row in report["rows"]] == [16, 64, 256, 1024]
     assert report["options"]["falloff"] == "binary"
     assert report["versions"]["embree"]
-
-
-def test_the_command_refuses_what_it_cannot_measure(tmp_path):
-    refused(obscurance("bench", tmp_path / "none.obj"), "none.obj", "an existing file")
-    refused(obscurance("bench", "--max-distance", "-1"), "--max-distance")
