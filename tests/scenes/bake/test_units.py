@@ -122,9 +122,7 @@ def test_all_inputs_of_a_batch_have_one_unit(tmp_path):
     none.write_bytes(ply(*hills(4)))
     options = "--output-dir", tmp_path / "out", "--half-distance", "5mm", "--samples", 8
     refused(obscurance("bake", one, feet, *options), "expected files in the unit of ", "feet.3mf")
-    refused(
-        obscurance("bake", one, none, *options), "without a unit, which ", "hills.ply does not name"
-    )
+    refused(obscurance("bake", one, none, *options), "without a unit, which ", "hills.ply does not name")
     assert not (tmp_path / "out").exists()
     succeeded("bake", one, same, *options)
 

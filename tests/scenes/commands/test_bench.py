@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 from command import succeeded
+from mesh_files import obj
 
 from obscurance import ao
 from obscurance.ao import Binary, Exponential
@@ -59,10 +60,7 @@ def test_bench_finds_less_error_with_more_rays():
 def test_the_command_prints_a_table_and_writes_a_report(tmp_path):
     mesh = room()
     source = tmp_path / "room.obj"
-    source.write_text(
-        "".join(f"v {x} {y} {z}\n" for x, y, z in mesh.vertices)
-        + "".join(f"f {a} {b} {c}\n" for a, b, c in mesh.faces + 1)
-    )
+    source.write_bytes(obj(mesh.vertices, mesh.faces))
     result = succeeded("bench", source, "--falloff", "binary", "--report", tmp_path / "r.json")
     assert "8 vertices, 12 faces" in result.stdout
     report = json.loads((tmp_path / "r.json").read_text())
