@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from command import obscurance, succeeded
 from gltf_files import Builder
-from render_scenes import SMALL, write_ball
+from scene_files import SMALL, write_ball
 
 from obscurance.ao.report import versions
 from obscurance.raytrace.image.formats import FORMATS

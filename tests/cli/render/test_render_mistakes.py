@@ -5,7 +5,7 @@ import os
 import numpy as np
 import pytest
 from command import interrupted_command, refused_without_a_trace
-from render_scenes import BALL, SMALL, write_ball
+from scene_files import BALL, SMALL, write_ball
 
 from obscurance.raytrace.image.write import write_image
 

@@ -4,7 +4,7 @@ import numpy as np
 import PIL.Image
 import pytest
 from command import refused_without_a_trace, succeeded
-from gltf_scenes import textured, triangle
+from scene_files import textured, triangle
 
 from obscurance.raytrace.errors import InputError
 from obscurance.raytrace.image.read import read_image

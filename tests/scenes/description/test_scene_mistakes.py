@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from command import refused_without_a_trace
-from scene_texts import PLAIN, SQUARE, scene, written
+from scene_files import PLAIN, SQUARE, scene, written
 
 from obscurance.raytrace.errors import InputError, SceneError
 from obscurance.scenes.description.obscurance import with_obscurance

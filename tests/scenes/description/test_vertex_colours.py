@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from gltf_files import QUAD, Builder
-from gltf_scenes import read
 from mesh_files import obj
+from scene_files import read
 
 from obscurance import ao, scenes
 from obscurance.raytrace import AmbientLight, Camera, Lambert, OptionError, Scene, Settings, Shape, render

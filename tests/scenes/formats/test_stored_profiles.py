@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import validator
 from gltf_files import HALVES, QUAD, Builder
+from mesh_files import with_profile
 from meshes import hills
-from profiles import with_profile
 
 from obscurance import ao
 from obscurance.raytrace import Mesh
