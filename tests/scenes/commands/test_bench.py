@@ -43,8 +43,8 @@ def test_the_reference_is_not_the_estimator_but_agrees_with_it():
         baked = ao.bake(dented, falloff, samples=4096).w[truth.vertices]
         difference = baked - truth.w[0]
         assert 0 < np.sqrt(np.mean(difference**2)) < 2e-3
-        again = reference(dented, [falloff.resolve(dented.radius)], rays=4096, vertices=300, threads=1)
-        assert (again.w == truth.w).all()
+    alone, together = (reference(dented, [falloff.resolve(1.0)], 256, vertices=300, threads=count) for count in (1, 2))
+    assert (alone.w == together.w).all()
 
 
 def test_bench_finds_less_error_with_more_rays():
