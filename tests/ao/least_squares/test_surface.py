@@ -277,17 +277,6 @@ def test_bent_normals_lean_away_from_a_wall_and_stand_up_on_an_open_plane():
     np.testing.assert_allclose(plane, [[0, 0, 1]] * 16, atol=5e-3)
 
 
-def test_vertices_without_a_normal_are_open_and_flagged():
-    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5], [2, 0, 0]], [[0, 1, 2], [4, 4, 0]])
-    baked = bake_surface(mesh)
-    assert baked.w.tolist() == [1.0] * 5
-    assert {name: count for name, count in baked.flagged.items() if count} == {"unreferenced": 1, "degenerate": 1}
-    nothing = bake_surface(Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
-    assert nothing.w.tolist() == [1.0] * 3
-    assert nothing.rays == 0
-    assert nothing.rmse == 0
-
-
 def test_some_of_the_vertices():
     mesh = Mesh(*hills(24))
     wanted = np.arange(576) < 60
