@@ -29,7 +29,7 @@ def made(tmp_path_factory):
     folder = tmp_path_factory.mktemp("made")
     mesh = folder / "corner.ply"
     trimesh.Trimesh(CORNER, FACES, process=False).export(mesh)
-    for target in ("w.npy", "w.npz", "w.ply"):
+    for target in ("w.npy", "w.npz", "w.ply", "w.vtp"):
         succeeded("bake", mesh, "-o", folder / target, "--samples", 64, "--seed", 3)
     scenes.write(folder / "w.glb", ao.bake(load(mesh).mesh, samples=64, seed=3), mesh)
     return folder
@@ -52,7 +52,7 @@ def picture_of(layer, scene, *options):
     return read_image("p.exr")[0][layer]
 
 
-@pytest.mark.parametrize("ending", ["npz", "ply", "glb"])
+@pytest.mark.parametrize("ending", ["npz", "ply", "glb", "vtp"])
 def test_every_format_gives_the_same_picture(folder, ending):
     expected = None
     for baked in ("w.npy", f"w.{ending}"):
