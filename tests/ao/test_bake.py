@@ -68,18 +68,21 @@ def test_coincident_vertices_get_the_same_value(colonnade):
     assert again.rays == baked.rays
 
 
-def test_vertices_without_a_normal_are_open_and_flagged():
+@pytest.mark.parametrize("method", ["vertex", "surface"])
+def test_vertices_without_a_normal_are_open_and_flagged(method):
     mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5], [2, 0, 0]], [[0, 1, 2], [4, 4, 0]])
-    baked = ao.bake(mesh, samples=256)
+    baked = ao.bake(mesh, samples=256, method=method)
     assert baked.w.tolist() == [1.0] * 5
     assert baked.error[3:].tolist() == [0, 0]
     assert {name: count for name, count in baked.flagged.items() if count} == {"unreferenced": 1, "degenerate": 1}
-    assert baked.rays_skipped["no_normal"] == 2 * 256
+    if method == "vertex":
+        assert baked.rays_skipped["no_normal"] == 2 * 256
 
 
+@pytest.mark.parametrize("method", ["vertex", "surface"])
 @pytest.mark.parametrize("length", [1, 0])
-def test_a_mesh_of_degenerate_faces_alone_is_open(length):
-    baked = ao.bake(Mesh([[0, 0, 0], [length, 0, 0], [2 * length, 0, 0]], [[0, 1, 2]]))
+def test_a_mesh_of_degenerate_faces_alone_is_open(length, method):
+    baked = ao.bake(Mesh([[0, 0, 0], [length, 0, 0], [2 * length, 0, 0]], [[0, 1, 2]]), method=method)
     assert baked.w.tolist() == [1.0] * 3
     assert baked.rays == 0
     assert baked.rmse == 0

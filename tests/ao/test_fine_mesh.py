@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from meshes import grid
 from uv_meshes import floor_and_wall, quads, rectangle, square
 
 from obscurance import ao
@@ -10,21 +11,17 @@ from obscurance.ao import closed_forms
 from obscurance.raytrace import Mesh, MeshError
 from obscurance.scenes.geometry.polyhedra import generic_rotation
 
-STEPS = np.linspace(0, 4, 9)
-PLACES = np.array([(x, y, 0) for x in STEPS for y in np.linspace(-2, 2, 9)])
+PLACES = grid(8, 4.0)[0] + [2, 0, 0]
 
 
 def floor():
-    corner = np.array([i * 9 + j for i in range(8) for j in range(8)])
-    return Mesh(PLACES, np.concatenate([corner[:, None] + [0, 9, 10], corner[:, None] + [0, 10, 1]]))
+    return Mesh(PLACES, grid(8)[1])
 
 
 def sheet(side, height=0.0):
     """The unit square at a height, of side × side vertices."""
-    steps = np.linspace(0, 1, side)
-    vertices = np.array([(x, y, height) for x in steps for y in steps])
-    cell = np.array([i * side + j for i in range(side - 1) for j in range(side - 1)])
-    return vertices, np.concatenate([cell[:, None] + [0, side, side + 1], cell[:, None] + [0, side + 1, 1]])
+    vertices, faces = grid(side - 1)
+    return np.add(vertices, [0.5, 0.5, height]), faces
 
 
 def bumpy(subdivisions):

@@ -29,14 +29,14 @@ from obscurance.ao.methods import surface_method
 from obscurance.raytrace.mesh.mesh import Mesh
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="links")
-THIRD = {"samples": 128, "only": np.arange(2500) % 3 == 0}
+THIRD = {"samples": 128, "only": np.arange(len(MESH.vertices)) % 3 == 0}
 WAYS = [
     (ao.bake, {"tolerance": 0.003}),
     (ao.bake, THIRD),
     (ao.bake, {"tolerance": 0.01, "falloff": ["binary", "exponential"]}),
     (ao.bake, {"samples": 64, "at": "faces"}),
-    (ao.bake, {"samples": 64, "high": Mesh(*hills(70))}),
-    (bake_surface, {"samples": 128, "only": np.arange(2500) < 500}),
+    (ao.bake, {"samples": 64, "high": Mesh(*hills(50))}),
+    (bake_surface, {"samples": 128, "only": np.arange(len(MESH.vertices)) < 400}),
     (bake_surface, {"tolerance": 0.01}),
     (bake_texture, {"samples": 64, "profile": True}),
     (bake_texture, {"tolerance": 0.01}),

@@ -1,13 +1,11 @@
 """Baking from samples of the surface: what it must reproduce, what it is for, and what it says of itself."""
 
-import json
 from functools import partial
 
 import numpy as np
 import pytest
 import trimesh
-from command import succeeded
-from meshes import hills, turned
+from meshes import grid, hills, turned
 from scipy.spatial.transform import Rotation
 
 from benchmarks.accuracy.surface_error import Points
@@ -19,14 +17,6 @@ from obscurance.scenes.validation import table as validation
 bake_surface = partial(ao.bake, method="surface")
 
 
-def grid(side, size=2.0):
-    steps = np.linspace(-size / 2, size / 2, side)
-    vertices = np.array([(x, y, 0.0) for x in steps for y in steps])
-    cell = np.array([i * side + j for i in range(side - 1) for j in range(side - 1)])
-    faces = [np.stack([cell, cell + side, cell + side + 1], -1), np.stack([cell, cell + side + 1, cell + 1], -1)]
-    return vertices, np.concatenate(faces)
-
-
 def block(centre, extents, turn=0.0):
     box = trimesh.creation.box(extents)
     return box.vertices @ Rotation.from_euler("z", turn).as_matrix().T + centre, np.asarray(box.faces)
@@ -34,7 +24,7 @@ def block(centre, extents, turn=0.0):
 
 def buried():
     """A low post that stands in a coarse ground, over its middle vertex."""
-    return Mesh(*join([grid(5, 4.0), block([0, 0, 0.05], [0.3, 0.3, 0.5], 0.3)]))
+    return Mesh(*join([grid(4, 4.0), block([0, 0, 0.05], [0.3, 0.3, 0.5], 0.3)]))
 
 
 CLOSED = [line for line in validation.configurations() if line.name.startswith(("closed", "inside a sphere"))]
@@ -56,7 +46,7 @@ def test_inside_a_sphere_under_an_exponential():
 def test_the_floor_under_a_sphere_follows_its_closed_form_between_the_vertices():
     """1 − R²H/(r²+H²)^(3/2) on the plane: the fit is nearer to it, over the faces, than w at the vertices is."""
     radius, height = 0.3, 0.45
-    plane = grid(9)
+    plane = grid(8, 2.0)
     ball = icosphere(4)
     mesh = Mesh(*join([plane, (ball[0] * radius + [0, 0, height], ball[1])]))
     rng = np.random.default_rng(0)
@@ -87,7 +77,7 @@ def test_a_buried_vertex_does_not_darken_what_is_in_sight():
 def test_rooms_whose_walls_face_outwards_are_baked_all_the_same():
     """All samples inside see backs only; none may be left out, or nothing would be known."""
     shell = block([0, 0, 0], [4, 4, 4])
-    inside = join([shell, (grid(9)[0] + [0, 0, -1], grid(9)[1]), block([0.1, 0.2, -0.7], [0.5, 0.5, 0.8])])
+    inside = join([shell, (grid(8, 2.0)[0] + [0, 0, -1], grid(8, 2.0)[1]), block([0.1, 0.2, -0.7], [0.5, 0.5, 0.8])])
     baked, vertex = (bake(Mesh(*inside), samples=2048) for bake in (bake_surface, ao.bake))
     floor = slice(8, 8 + 81)
     far = np.abs(inside[0][floor, :2] - [0.1, 0.2]).max(axis=1) > 0.6
@@ -172,12 +162,6 @@ def test_a_tolerance_that_the_rays_do_not_reach_is_reported():
     assert baked.rmse > 0.001
 
 
-def test_dense_meshes_get_no_more_rays_than_before():
-    mesh = Mesh(*hills(70))
-    baked = bake_surface(mesh, samples=256)
-    assert 4900 * 256 - 32 < baked.rays + baked.rays_skipped["below_face"] <= 4900 * 256
-
-
 def test_coincident_vertices_of_a_smooth_surface_share_a_value():
     sphere = trimesh.creation.icosphere(subdivisions=2)
     soup = Mesh(sphere.triangles.reshape(-1, 3), np.arange(3 * len(sphere.faces)).reshape(-1, 3)[:, ::-1])
@@ -211,7 +195,7 @@ def test_some_stretches_of_a_large_mesh_show_how_smooth_it_is(monkeypatch, watch
 def sunk():
     """A ball that is sunk into a floor, and which of their vertices are in sight."""
     ball = trimesh.creation.icosphere(subdivisions=3)
-    mesh = Mesh(*join([grid(24, 4.0), (ball.vertices - [0, 0, 0.7], np.asarray(ball.faces))]))
+    mesh = Mesh(*join([grid(23, 4.0), (ball.vertices - [0, 0, 0.7], np.asarray(ball.faces))]))
     x, y, z = mesh.vertices.T
     on_floor = np.arange(len(z)) < 24**2
     return mesh, ~np.where(on_floor, x**2 + y**2 < 1 - 0.7**2, z < 0)
@@ -284,24 +268,13 @@ def test_a_room_is_not_filled_where_nothing_is_seen():
 
 def test_bent_normals_lean_away_from_a_wall_and_stand_up_on_an_open_plane():
     wall = np.array([[1.0, -5, 0], [1, 5, 0], [1, 5, 5], [1, -5, 5]])
-    mesh = Mesh(*join([grid(5, 2.0), (wall, np.array([[0, 1, 2], [0, 2, 3]]))]))
+    mesh = Mesh(*join([grid(4, 2.0), (wall, np.array([[0, 1, 2], [0, 2, 3]]))]))
     bent = bake_surface(mesh, ao.Binary(), samples=1024).bent_normals
     np.testing.assert_allclose(np.linalg.norm(bent, axis=1), 1)
     assert bent[12, 0] < -0.1
     assert abs(bent[12, 1]) < 0.05
-    plane = bake_surface(Mesh(*grid(4)), samples=4096).bent_normals
+    plane = bake_surface(Mesh(*grid(3, 2.0)), samples=4096).bent_normals
     np.testing.assert_allclose(plane, [[0, 0, 1]] * 16, atol=5e-3)
-
-
-def test_vertices_without_a_normal_are_open_and_flagged():
-    mesh = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [5, 5, 5], [2, 0, 0]], [[0, 1, 2], [4, 4, 0]])
-    baked = bake_surface(mesh)
-    assert baked.w.tolist() == [1.0] * 5
-    assert {name: count for name, count in baked.flagged.items() if count} == {"unreferenced": 1, "degenerate": 1}
-    nothing = bake_surface(Mesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]))
-    assert nothing.w.tolist() == [1.0] * 3
-    assert nothing.rays == 0
-    assert nothing.rmse == 0
 
 
 def test_some_of_the_vertices():
@@ -321,15 +294,3 @@ def test_turned_moved_and_scaled_it_is_the_same_but_for_its_noise():
     moved = Rotation.from_euler("xyz", [1, 2, 3]).apply(vertices) * 1024 + 1e5
     here, there = (bake_surface(Mesh(v, faces), samples=2048).w for v in (vertices, moved))
     assert np.sqrt(np.mean((here - there) ** 2)) < 0.012
-
-
-def test_the_command_bakes_with_it(tmp_path):
-    mesh = trimesh.Trimesh(*hills(8), process=False)
-    mesh.export(tmp_path / "hills.ply")
-    out, report = tmp_path / "w.npy", tmp_path / "report.json"
-    succeeded("bake", tmp_path / "hills.ply", "-o", out, "--method", "surface", "--samples", "64", "--report", report)
-    expected = bake_surface(Mesh(mesh.vertices.astype(np.float32), mesh.faces), samples=64).w
-    np.testing.assert_allclose(np.load(out), expected, atol=1e-6)
-    written = json.loads(report.read_text())
-    assert written["options"]["method"] == "surface"
-    assert written["rays_skipped"]["below_face"] >= 0

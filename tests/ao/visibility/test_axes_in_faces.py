@@ -5,7 +5,7 @@ The reference traces rays of its own, in double precision, from just in front of
 
 import numpy as np
 import pytest
-from meshes import crumpled
+from meshes import crumpled, grid
 from scipy.spatial.transform import Rotation
 
 from obscurance import ao
@@ -22,8 +22,7 @@ SAMPLES, RAYS = 512, 1 << 9  # of the reference
 
 def patch(corner, u, v):
     """A parallelogram as a grid of vertices."""
-    s, t = (a.ravel() for a in np.meshgrid(*2 * [np.linspace(0, 1, CELLS + 1)], indexing="ij"))
-    return np.array(corner) + s[:, None] * np.array(u) + t[:, None] * np.array(v)
+    return corner + (grid(CELLS)[0][:, :2] + 0.5) @ [u, v]
 
 
 def sheet(random, low, high):
@@ -75,9 +74,7 @@ class Scene:
             self.axis = turn.apply(self.axis)
         size = 10 ** random.uniform(-3, 3)
         vertices = size * (patches.reshape(-1, 3) + 3 * random.normal(size=3))
-        corner = (np.arange(CELLS)[:, None] * (CELLS + 1) + np.arange(CELLS)).ravel()
-        a, b, c, d = corner, corner + CELLS + 1, corner + CELLS + 2, corner + 1
-        faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+        _, faces = grid(CELLS)
         self.per_patch = len(faces)
         starts = (CELLS + 1) ** 2 * np.arange(len(patches))[:, None, None]
         faces = (faces + starts).reshape(-1, 3)

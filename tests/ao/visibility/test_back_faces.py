@@ -64,23 +64,24 @@ def test_inside_a_sphere():
     assert (w[1] == 1).all()
 
 
-@pytest.mark.parametrize("options", [{"tolerance": 0.01}, {"profile": True}, {"samples": 256}])
-def test_the_other_ways_of_a_bake(options):
+def test_a_profile():
     mesh = over_floor((0.2, 0.9, False), (HEIGHT, 0.5, True))
-    baked = ao.bake(mesh, ao.Exponential(tau=TAU), back_faces="ignore", **options)
+    baked = ao.bake(mesh, ao.Exponential(tau=TAU), back_faces="ignore", profile=True)
     alone = ao.bake(over_floor((HEIGHT, 0.5, True)), ao.Exponential(tau=TAU), 2048)
     assert np.allclose(baked.w[: len(FLOOR)], alone.w[: len(FLOOR)], atol=0.03)
 
 
-def test_textures():
-    mesh = over_floor((0.2, 0.9, False), (HEIGHT, 0.5, True))
-    uv = np.concatenate([(FLOOR[:, :2] + 0.9) / 1.8, np.full((8, 2), np.nan)])
-    w, alone = (
-        ao.bake_texture(each, uv[: len(each.vertices)], 8, "binary", 1024, **THROUGH).w
-        for each in (mesh, over_floor((HEIGHT, 0.5, True)))
-    )
-    assert np.allclose(w, alone, atol=0.02)
-    assert w.min() < 0.6
+def test_points_of_a_cloud_have_their_fronts_where_their_normals_point():
+    """Of a sheet over another, both by points: it is met from the side that it looks to."""
+    steps = np.linspace(-1, 1, 30)
+    sheet = np.stack([*np.meshgrid(steps, steps), np.zeros((30, 30))], axis=-1).reshape(-1, 3)
+    below = (abs(sheet) < 0.2).all(axis=1)
+    for side, options in ((1, {}), (1, THROUGH), (-1, THROUGH)):
+        normals = np.repeat([[0, 0, 1.0], [0, 0, side]], len(sheet), axis=0)
+        points = np.concatenate([sheet, sheet + np.array([0, 0, 0.2])])
+        baked = ao.bake_points(None, points, normals, falloff="binary", samples=64, **options)
+        w = baked.w[: len(sheet)][below].mean()
+        assert w == 1 if side > 0 and options else w < 0.2
 
 
 def test_backs_mark_what_is_inside_solids_all_the_same():

@@ -71,19 +71,14 @@ def test_a_normal_that_leans_towards_a_wall():
     assert abs(w - exact) < 0.003
 
 
-@pytest.mark.parametrize("options", [{"tolerance": 0.005}, {"method": "surface"}, {"samples": 256}, {"profile": True}])
-def test_the_other_ways_of_a_bake(options):
+@pytest.mark.parametrize("options", [{"method": "surface"}, {"profile": True}])
+def test_fits_and_profiles(options):
     """A floor whose cones all end on one ceiling."""
     ceiling = 3.0 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) + [0, 0, HEIGHT]
-    floor = grid(4, 2.0)
-    mesh = Mesh(*join([floor, polygon(ceiling)]))
+    mesh = Mesh(*join([grid(4, 2.0), polygon(ceiling)]))
     exact = in_cone(np.inf, 100, 1.5, np.inf)
     baked = ao.bake(mesh, ao.Exponential(tau=1.5), spread=100, **options)
     assert np.abs(baked.w[:25] - exact).max() < 0.01
-    if "samples" in options:
-        uv = np.append((floor[0][:, :2] + 1) / 2, np.full((4, 2), np.nan), axis=0)
-        texels = ao.bake_texture(mesh, uv, 8, ao.Exponential(tau=1.5), spread=100, **options)
-        assert np.abs(texels.w - exact).max() < 0.01
 
 
 def test_convex_shapes_are_open_and_bent_normals_stay_in_the_cone():

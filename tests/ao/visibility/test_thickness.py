@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mesh_files import obj
 from meshes import grid
 
 from obscurance import ao
 from obscurance.ao import closed_forms as analytic
-from obscurance.ao.options import Options
 from obscurance.ao.result import Interpolation
 from obscurance.raytrace import AlphaSurface, Mesh, Opacity
-from obscurance.raytrace.errors import ConflictError
 from obscurance.scenes.bake.options import BakeOptions
 from obscurance.scenes.bake.plan import plan_bake
 from obscurance.scenes.bake.run import run
@@ -140,13 +139,6 @@ def test_holes_are_told():
     assert ao.bake_texture(cup, uv, 4, samples=16, thickness=True).shortfalls == (said,)
 
 
-@pytest.mark.parametrize("interior", ["mark", "fill"])
-def test_solids_that_mark_are_refused(interior):
-    said = f"^options: thickness does not go with interior='{interior}', as rays start inside$"
-    with pytest.raises(ConflictError, match=said):
-        Options(thickness=True, interior=interior)
-
-
 def test_thickness_is_no_occlusion_of_a_glb_unless_asked(tmp_path):
     for given, expected in (({"thickness": False}, None), ({}, "none"), ({"occlusion": "ramp"}, "ramp")):
         files = {"mesh": [tmp_path / "ball.obj"], "output": tmp_path / "ball.glb"}
@@ -155,9 +147,8 @@ def test_thickness_is_no_occlusion_of_a_glb_unless_asked(tmp_path):
 
 def test_a_thin_mesh_is_not_taken_for_one_inside_out(tmp_path):
     vertices, faces = icosphere(2)
-    lines = [*("v {} {} {}".format(*each) for each in vertices), *("f {} {} {}".format(*each) for each in faces + 1)]
     mesh, report = tmp_path / "ball.obj", tmp_path / "report.json"
-    mesh.write_text("\n".join(lines))
+    mesh.write_bytes(obj(vertices, faces))
     options = {"thickness": True, "falloff": "binary", "samples": 16, "quiet": True, "report": report}
     list(run(plan_bake(BakeOptions(mesh=[mesh], output=tmp_path / "w.npy", **options))))
     found = json.loads(report.read_text())

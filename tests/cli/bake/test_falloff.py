@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from command import obscurance, refused_without_a_trace, succeeded
+from mesh_files import with_profile
 from meshes import hills
-from profiles import with_profile
 
 from obscurance import ao
 from obscurance.raytrace import Mesh

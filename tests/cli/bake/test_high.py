@@ -6,15 +6,14 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from command import obscurance, refused, succeeded
+from mesh_files import obj
 from meshes import hills
 
 FEW = ("--samples", 16, "-q")
 
 
-def write_obj(path, vertices, faces):
-    lines = [*("v {} {} {}".format(*map(float, v)) for v in vertices), *("vt {} {}".format(*v[:2]) for v in vertices)]
-    lines += ["f " + " ".join(f"{k}/{k}" for k in face) for face in faces + 1]
-    path.write_text("\n".join(lines) + "\n")
+def with_uv(vertices, faces):
+    return obj(vertices, faces, uv=vertices[:, :2])
 
 
 @pytest.fixture
@@ -22,15 +21,15 @@ def folder(tmp_path, monkeypatch):
     """A unit square, a cage of it that leans, and hills in two files."""
     vertices, faces = hills(9)
     flat = (vertices * [1, 1, 0] + [1, 1, 0]) / 2
-    write_obj(tmp_path / "low.obj", flat, faces)
-    write_obj(tmp_path / "cage.obj", flat + np.outer(0.1 + 0.4 * flat[:, 0], [0.5, 0, 1]), faces)
-    write_obj(tmp_path / "even.obj", flat + np.array([0, 0, 0.25]), faces)
-    write_obj(tmp_path / "other.obj", *hills(8))
+    (tmp_path / "low.obj").write_bytes(with_uv(flat, faces))
+    (tmp_path / "cage.obj").write_bytes(with_uv(flat + np.outer(0.1 + 0.4 * flat[:, 0], [0.5, 0, 1]), faces))
+    (tmp_path / "even.obj").write_bytes(with_uv(flat + np.array([0, 0, 0.25]), faces))
+    (tmp_path / "other.obj").write_bytes(with_uv(*hills(8)))
     fine, whole = hills(24)
     fine = fine * [1, 1, 0.2] + [0.5, 0.5, 0]
     left = fine[whole].mean(axis=1)[:, 0] < 0.5
     for name, some in (("left", left), ("right", ~left), ("whole", left | ~left)):
-        write_obj(tmp_path / f"{name}.obj", fine, whole[some])
+        (tmp_path / f"{name}.obj").write_bytes(with_uv(fine, whole[some]))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

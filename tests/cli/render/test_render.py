@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from command import obscurance, succeeded
 from gltf_files import Builder
-from render_scenes import SMALL, write_ball
+from scene_files import SMALL, write_ball
 
 from obscurance.ao.report import versions
 from obscurance.raytrace.image.formats import FORMATS
@@ -15,19 +15,11 @@ from obscurance.raytrace.image.frame import LAYERS
 from obscurance.raytrace.image.read import read_image
 from obscurance.scenes.library import BUILTIN, builtin_toml
 
-SUMMANDS = ("ambient", "diffuse", "specular", "emission")
-
 
 def rendered(scene, output, *options):
     """Layers of the picture of a scene, 48×32 unless `options` say otherwise."""
     succeeded("render", scene, "-o", output, *SMALL, *options)
     return read_image(output)[0]
-
-
-def check_sum(layers):
-    """The layers that are light add up to the beauty."""
-    total = sum(layers[name].astype(np.float64) for name in SUMMANDS)
-    np.testing.assert_allclose(total, layers["beauty"][..., :3], rtol=1e-6, atol=1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -72,24 +64,6 @@ def test_every_ending_with_its_metadata(tmp_path, scene, ending):
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_layers_add_up_and_say_what_is_there(whole):
-    check_sum(whole)
-    assert set(np.unique(whole["object_id"])) == {0, 1, 2}
-    empty = whole["beauty"][..., 3] == 0
-    assert 0 < empty.mean() < 1
-    assert np.isinf(whole["depth"][empty]).all()
-    assert 3 < whole["depth"].min() < 4.5
-    assert whole["shadow"].min() == 0
-    assert whole["shadow"].max() == 1
-    np.testing.assert_allclose(np.linalg.norm(whole["normal"][~empty], axis=-1), 1, atol=1e-6)
-
-
-def test_a_crop_is_that_part_of_the_whole(scene, folder, whole):
-    layers = rendered(scene, folder / "crop.exr", "--crop", "5,7,21,18")
-    for name, layer in layers.items():
-        np.testing.assert_array_equal(layer, whole[name][7:25, 5:26], err_msg=name)
-
-
 def test_a_preview_is_small_and_cheap(scene, folder, whole):
     report = folder / "preview.json"
     size = ("--width", 96, "--height", 64, "--samples", 64)
@@ -132,7 +106,6 @@ def test_a_mesh_alone_and_its_baked_file(tmp_path):
     trimesh.creation.torus(0.5, 0.2).export(mesh)
     alone = rendered(mesh, tmp_path / "alone.exr")
     assert 0.1 < alone["beauty"][..., 3].mean() < 0.9
-    check_sum(alone)
     succeeded("bake", mesh, "-o", tmp_path / "w.npy", "--no-denoise")
     table = '[[objects]]\nmesh = "ring.ply"\n'
     (tmp_path / "now.toml").write_text(table)

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from command import obscurance, refused, succeeded
 from meshes import two_boxes
-from render_scenes import write_ball
+from scene_files import write_ball
 
 from obscurance import scenes
 from obscurance.raytrace import Mesh, Settings, render

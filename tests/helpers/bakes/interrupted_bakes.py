@@ -12,7 +12,7 @@ from obscurance.ao.execute.kept import Kept
 from obscurance.ao.execute.work import make_on_threads
 from obscurance.raytrace.mesh.mesh import Mesh
 
-MESH = Mesh(*hills(50))
+MESH = Mesh(*hills(36))
 OPTIONS = {"samples": 128, "threads": 2}
 SMALL_BLOCKS = "obscurance.ao.execute.work._BLOCK_RAYS", 1 << 14
 bake_surface = partial(ao.bake, method="surface")

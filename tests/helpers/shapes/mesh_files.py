@@ -1,12 +1,15 @@
-"""Mesh files made by hand, for the tests."""
+"""Mesh files made by hand, and bakes made up, for the tests."""
 
+import math
 import struct
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from gltf_files import HALVES, QUAD, Builder
 
+from obscurance import ao
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.scenes.asset.asset import Asset
@@ -157,3 +160,11 @@ def random_bake(count):
         at="vertices",
         below=None,
     )
+
+
+def with_profile(baked, columns=10, seed=0, limit=math.inf):
+    """A bake with a profile of random numbers, the first of which are 0 and 1, of falloffs that end at a limit."""
+    values = np.random.default_rng(seed).random((len(baked.w), columns), np.float32)
+    values[:2, 0] = 0, 1
+    lengths = 0.0051 * baked.mesh.radius * 2.0 ** np.arange(columns)
+    return replace(baked, profile=ao.Profile(lengths, values, baked.mesh.radius, limit))

@@ -80,3 +80,11 @@ def crumpled(part: RawMesh, share: float, seed: int) -> RawMesh:
     edges = vertices[faces] - vertices[np.roll(faces, 1, axis=1)]
     size = share * float(np.linalg.norm(edges, axis=2).mean())
     return vertices + np.random.default_rng(seed).normal(scale=size, size=vertices.shape), faces
+
+
+def newell_normal(corners: np.ndarray) -> np.ndarray:
+    """Unit normal (3,) of a polygon (k, 3), k ≥ 3, convex or not, not quite planar too (Martin Newell's sums)."""
+    corners = np.asarray(corners, np.float64)
+    following = np.roll(corners, -1, axis=0)
+    sums = np.sum(np.roll(corners - following, -1, axis=1) * np.roll(corners + following, -2, axis=1), axis=0)
+    return sums / np.linalg.norm(sums)

@@ -18,6 +18,7 @@ from obscurance.raytrace import (
 )
 from obscurance.raytrace.brdf.models.oren_nayar import fitted_orders
 from obscurance.raytrace.brdf.reflect import NORMAL as N
+from obscurance.raytrace.brdf.reflect import albedo as total_albedo
 from obscurance.raytrace.brdf.reflect import asymmetry, directional_albedo, reflect, towards
 from obscurance.raytrace.errors import OptionError
 
@@ -194,3 +195,22 @@ def test_an_opaque_sheet_reflects_on_the_viewer_s_side():
     assert not reflect(sheet, N, l, -v).any()
     with pytest.raises(OptionError, match='Phong: two_sided: expected true, false or "viewer", got both'):
         Phong(k_d=0.5, two_sided="both")
+
+
+ORDER = 384  # narrow highlights of empirical models want many points
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 1.5])
+def test_albedo_of_what_is_known(angle):
+    """As docs/models/README.md measures it."""
+    np.testing.assert_allclose(total_albedo(Lambert(albedo=(0.2, 0.5, 1)), angle), [0.2, 0.5, 1], rtol=1e-9)
+    np.testing.assert_allclose(total_albedo(Phong(k_d=0.6), angle) / np.pi, 0.6, rtol=1e-9)
+    mixed = CookTorrance(albedo=0.4, k_s=0.5, m=0.5, eta=1.5)
+    exact = directional_albedo(mixed, angle, order=400)
+    np.testing.assert_allclose(total_albedo(mixed, angle, ORDER), exact, rtol=2e-3)
+    mirror = CookTorrance(albedo=0, k_s=1, m=1e-4, eta=1e6)
+    np.testing.assert_allclose(total_albedo(mirror, min(angle, 1.0), ORDER), 1, rtol=1e-4)
+
+
+def test_black_is_reciprocal():
+    assert asymmetry(Lambert(albedo=0)) == 0

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from frames import plain
 from meshes import two_boxes
+from pictures import plain
 
 from obscurance.raytrace import AmbientLight, Camera, Lambert, Object, Scene, Settings, Shape, render
 from obscurance.raytrace.image import write

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import PIL.Image
 import pytest
-from frames import frame, plain
+from pictures import frame, plain
 from scipy.ndimage import gaussian_filter
 
 from obscurance.raytrace.errors import InputError, OptionError

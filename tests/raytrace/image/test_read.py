@@ -6,7 +6,7 @@ import numpy as np
 import OpenImageIO as oiio
 import PIL.Image
 import pytest
-from frames import METADATA, frame
+from pictures import METADATA, frame
 
 from obscurance.raytrace.errors import InputError
 from obscurance.raytrace.image.colour import decode_srgb

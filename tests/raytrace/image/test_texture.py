@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import PIL.Image
 import pytest
-from frames import plain
+from pictures import plain
 
 from obscurance.raytrace.errors import InputError, OptionError
 from obscurance.raytrace.image.colour import decode_srgb

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from frames import METADATA, frame, plain
-from pictures import ENDINGS, PICTURES, foreign, names, pillow, python
+from pictures import ENDINGS, METADATA, PICTURES, foreign, frame, names, pillow, plain, python
 
 from obscurance.raytrace.image.colour import decode_srgb, encode_srgb
 from obscurance.raytrace.image.formats import LAYERS
@@ -170,7 +169,7 @@ def test_a_frame_takes_little_memory_beside_itself(tmp_path):
     """The rows in hand, not a second frame; measured after a small one has loaded the libraries."""
     code = f"""
 import resource
-from frames import frame
+from pictures import frame
 frame().save({str(tmp_path / "small.exr")!r})
 large = frame(350, 1500)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

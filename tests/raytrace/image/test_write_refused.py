@@ -7,15 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from frames import METADATA, frame, plain
-from pictures import ENDINGS, names, python
+from pictures import ENDINGS, METADATA, frame, names, plain, python
 
 from obscurance.raytrace.errors import OptionError, OutputError
 from obscurance.raytrace.image.write import check_image_target
 
 FULL_DISK = """
 import json, resource, sys
-from frames import METADATA, frame
+from pictures import METADATA, frame
 from obscurance.raytrace.image import write
 reserve = write._reserve
 unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -105,12 +105,6 @@ def test_a_light_without_colours_of_its_own_has_its_intensity_s():
         light_from_dict({"light": "ambient", "diffuse": 1})
 
 
-def test_irradiance_is_incident_light_times_cosine():
-    lamp = PointLight(position=(0, 3, 4), intensity=100)
-    l, distance, rgb = arriving(lamp)
-    assert irradiance(100, [0, 0, 1], l, distance) == pytest.approx(rgb[0] * l[2])
-
-
 coordinate = st.floats(-10, 10)
 vectors = st.tuples(coordinate, coordinate, coordinate)
 directions = vectors.filter(lambda a: np.linalg.norm(a) > 1e-3)

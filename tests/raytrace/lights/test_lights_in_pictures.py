@@ -23,17 +23,6 @@ from obscurance.scenes.geometry.primitives import plane
 ORIGIN = (0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e5])
-def test_a_range_is_kept_at_any_scale_of_the_scene(size):
-    floor = Object(Shape(plane((-size, -size, 0), (2 * size, 0, 0), (0, 2 * size, 0), size).mesh, Lambert(albedo=1)))
-    camera = Camera((0, 0, size), ORIGIN, up=(0, 1, 0), field_of_view=1)
-    once = Settings(width=1, height=1, samples=1, obscurance="off")
-    for reach in (2.0, 0.5, 0.49):
-        lamp = PointLight(position=(0, 0, 0.5 * size), intensity=size**2, range=reach * size)
-        seen = render(Scene((floor,), (lamp,)), camera, once).layers["diffuse"][0, 0]
-        np.testing.assert_allclose(seen, max(0, 1 - (0.5 / reach) ** 4) * 4 / pi, rtol=1e-3)
-
-
 COLOURS = {"ambient": (0.1, 0.2, 0.3), "diffuse": (2, 0, 1), "specular": (0, 3, 1.5)}
 
 

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from newell import newell_normal
+from meshes import newell_normal
 from project import ROOT
 
 from obscurance.raytrace.mesh.normals import vertex_normals

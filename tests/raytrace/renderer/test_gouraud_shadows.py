@@ -54,18 +54,12 @@ def moved(mesh, matrix):
 
 @pytest.mark.parametrize(("size", "away", "turn"), POSES)
 def test_a_closed_room_is_black(size, away, turn):
-    matrix = similarity(size, away, turn)
-    assert not seen([Object(Shape(moved(ROOM, matrix), WHITE))], matrix, (-0.4, -0.3, 0.35)).any()
-    assert not seen([Object(Shape(ROOM, WHITE), matrix)], matrix, (-0.4, -0.3, 0.35)).any()
-
-
-@pytest.mark.parametrize(("size", "away", "turn"), POSES)
-def test_a_closed_room_that_is_an_instance_is_black(size, away, turn):
-    matrix = similarity(size, away, turn)
-    shape = Shape(ROOM, WHITE)
-    second = np.eye(4)
-    second[:3, 3] = 0, 0, -8
-    assert not seen([Object(shape, matrix), Object(shape, matrix @ second)], matrix, (-0.4, -0.3, 0.35)).any()
+    """Also one that is placed, and one of two instances."""
+    matrix, shape, second = similarity(size, away, turn), Shape(ROOM, WHITE), np.eye(4)
+    second[2, 3] = -8
+    placed = Object(shape, matrix)
+    for objects in ([Object(Shape(moved(ROOM, matrix), WHITE))], [placed], [placed, Object(shape, matrix @ second)]):
+        assert not seen(objects, matrix, (-0.4, -0.3, 0.35)).any()
 
 
 @pytest.mark.parametrize("lamp", [(0.2, -0.1, 0.1), (-0.45, -0.45, 0.45)])

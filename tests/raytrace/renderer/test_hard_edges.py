@@ -35,6 +35,11 @@ def test_a_files_smooth_normals_stay_smooth(shading):
     assert np.abs(at_vertices - picture(box("corners"), shading)).max() > 0.05
 
 
+def test_normals_that_were_asked_for_mark_hard_edges_though_the_file_has_its_own():
+    mesh = Mesh(CORNERS, FACES, vertex_normals(CORNERS, FACES))
+    np.testing.assert_allclose(picture(mesh, "phong", normals="angle"), picture(box("apart"), "flat"), atol=1e-5)
+
+
 def test_both_sides_have_w_of_their_vertex():
     w = np.linspace(0.2, 1, len(CORNERS))
     shape = Shape(box("shared"), MATERIAL)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from newell import newell_normal
+from meshes import newell_normal
 from rendered import white
 
 from obscurance.raytrace import Lambert, Mesh, Phong

@@ -55,7 +55,7 @@ def test_a_bar_ends_full_though_the_work_was_less_than_expected(terminal):
 
 def test_the_bar_of_a_bake_to_a_tolerance_ends_full(terminal):
     with terminal() as screen, progress(False, "rays") as (advance,):
-        ao.bake(Mesh(*icosphere(5)), samples=512, tolerance=0.002, progress=advance)
+        ao.bake(Mesh(*icosphere(3)), samples=512, tolerance=0.002, progress=advance)
     assert percentages(screen.getvalue())[-1] == 100
 
 

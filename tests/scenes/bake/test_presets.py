@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command import obscurance, refused, succeeded
+from command import succeeded
 from gltf_files import check_glb
 from project import ROOT
 
@@ -145,12 +145,3 @@ def test_an_earlier_bake_is_repeated_for_another_program(folder):
     succeeded("bake", "corner.obj", "-o", "b.png", *again, "--preset", "godot", "--size", 16)
     options = json.loads((folder / "b.json").read_text())["options"]
     assert (options["preset"], options["bits"], options["samples"]) == ("godot", "8", 8)
-
-
-def test_mistakes(folder):
-    for words, said in [
-        (("-o", "m.ply", "--preset", "unity"), "--preset unity needs an output that ends in .glb .png .exr .tif"),
-        (("-o", "m.exr", "--bits", "8"), "--bits needs w or bent normals in an image that ends in .png"),
-        (("-o", "m.png", "--preset", "maya"), "--preset"),
-    ]:
-        refused(obscurance("bake", "corner.obj", *words), said)

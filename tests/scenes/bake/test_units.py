@@ -16,7 +16,6 @@ from obscurance import ao
 from obscurance.raytrace.errors import InputError, OptionError
 from obscurance.scenes.bake.options import BakeOptions
 from obscurance.scenes.bake.plan import plan_bake
-from obscurance.scenes.commands.bake import run_bake
 
 NAMES = ("half_distance", "max_distance", "ground", "texel_size", "cage")
 
@@ -116,22 +115,16 @@ def test_a_pipe_has_the_unit_of_its_format_or_content(tmp_path, ending):
     np.testing.assert_allclose(w, np.load(tmp_path / "w.npy"), atol=1e-6)
 
 
-def test_a_pipe_without_a_unit_is_refused(tmp_path, standard_input):
-    standard_input(ply(*hills(4)))
-    done = obscurance("bake", "-", "-o", tmp_path / "w.npy", "--max-distance", "5 m")
-    refused(done, "--max-distance: expected a length above 0 without a unit, which <stdin>.ply does not name")
-    assert not list(tmp_path.iterdir())
-
-
 def test_all_inputs_of_a_batch_have_one_unit(tmp_path):
-    for file in ("millimetres.3mf", "feet.3mf", "by_default.3mf"):
-        (tmp_path / file).write_bytes(NAMED[file][0])
-    alike, other = ("millimetres.3mf", "by_default.3mf"), ("millimetres.3mf", "feet.3mf")
+    one, same, feet, none = (tmp_path / name for name in ("millimetres.3mf", "by_default.3mf", "feet.3mf", "hills.ply"))
+    for file in (one, same, feet):
+        file.write_bytes(NAMED[file.name][0])
+    none.write_bytes(ply(*hills(4)))
     options = "--output-dir", tmp_path / "out", "--half-distance", "5mm", "--samples", 8
-    done = obscurance("bake", *(tmp_path / file for file in other), *options)
-    refused(done, "expected files in the unit of ", "feet.3mf")
+    refused(obscurance("bake", one, feet, *options), "expected files in the unit of ", "feet.3mf")
+    refused(obscurance("bake", one, none, *options), "without a unit, which ", "hills.ply does not name")
     assert not (tmp_path / "out").exists()
-    succeeded("bake", *(tmp_path / file for file in alike), *options)
+    succeeded("bake", one, same, *options)
 
 
 @pytest.mark.parametrize("length", ["0.5", "25%", "12e-1"])
@@ -152,13 +145,3 @@ def test_arrays_have_no_unit(bake):
         bake(hills(4), ao.Binary("0.5m"))
     with pytest.raises(OptionError, match="max_distance: expected a length above 0 without a unit, which mesh does"):
         obscurance_package.bake(hills(4), max_distance="0.5m")
-
-
-def test_all_inputs_of_a_batch_are_in_metres_or_none(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.glb").write_bytes(b"")
-    (tmp_path / "b.stl").write_bytes(b"")
-    options = BakeOptions(mesh=[Path("a.glb"), Path("b.stl")], output_dir=Path("out"), max_distance="5 m")
-    with pytest.raises(OptionError, match=r"max_distance: expected a length above 0 without a unit, which b\.stl does"):
-        run_bake(options)
-    assert not (tmp_path / "out").exists()

@@ -3,7 +3,8 @@
 import json
 
 import numpy as np
-from command import obscurance, refused, succeeded
+from command import succeeded
+from mesh_files import obj
 
 from obscurance import ao
 from obscurance.ao import Binary, Exponential
@@ -42,8 +43,8 @@ def test_the_reference_is_not_the_estimator_but_agrees_with_it():
         baked = ao.bake(dented, falloff, samples=4096).w[truth.vertices]
         difference = baked - truth.w[0]
         assert 0 < np.sqrt(np.mean(difference**2)) < 2e-3
-        again = reference(dented, [falloff.resolve(dented.radius)], rays=4096, vertices=300, threads=1)
-        assert (again.w == truth.w).all()
+    alone, together = (reference(dented, [falloff.resolve(1.0)], 256, vertices=300, threads=count) for count in (1, 2))
+    assert (alone.w == together.w).all()
 
 
 def test_bench_finds_less_error_with_more_rays():
@@ -59,18 +60,10 @@ def test_bench_finds_less_error_with_more_rays():
 def test_the_command_prints_a_table_and_writes_a_report(tmp_path):
     mesh = room()
     source = tmp_path / "room.obj"
-    source.write_text(
-        "".join(f"v {x} {y} {z}\n" for x, y, z in mesh.vertices)
-        + "".join(f"f {a} {b} {c}\n" for a, b, c in mesh.faces + 1)
-    )
+    source.write_bytes(obj(mesh.vertices, mesh.faces))
     result = succeeded("bench", source, "--falloff", "binary", "--report", tmp_path / "r.json")
     assert "8 vertices, 12 faces" in result.stdout
     report = json.loads((tmp_path / "r.json").read_text())
     assert [row["samples"] for row in report["rows"]] == [16, 64, 256, 1024]
     assert report["options"]["falloff"] == "binary"
     assert report["versions"]["embree"]
-
-
-def test_the_command_refuses_what_it_cannot_measure(tmp_path):
-    refused(obscurance("bench", tmp_path / "none.obj"), "none.obj", "an existing file")
-    refused(obscurance("bench", "--max-distance", "-1"), "--max-distance")

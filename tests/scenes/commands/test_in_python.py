@@ -14,7 +14,7 @@ from meshes import hills, two_boxes
 import obscurance
 from obscurance import ao
 from obscurance.ao.options import Options, TextureOptions, VertexOptions
-from obscurance.raytrace.errors import ConflictError, MeshError, OptionError
+from obscurance.raytrace.errors import ConflictError, OptionError
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.opacity import AlphaSurface, Opacity
 from obscurance.scenes.bake.options import ROWS, Alpha
@@ -152,11 +152,6 @@ def test_two_arrays_are_told_to_be_a_pair(bake, kind):
     vertices, faces = BOXES
     with pytest.raises(OptionError, match=re.escape("bake((vertices, faces))")):
         bake(vertices, kind(faces))
-
-
-def test_a_file_that_is_not_there_is_named(folder):
-    with pytest.raises(MeshError, match=r"^none\.ply: file: expected an existing file, got none"):
-        obscurance.bake("none.ply")
 
 
 def test_a_file_is_shown_in_a_line(folder):

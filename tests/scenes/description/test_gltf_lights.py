@@ -4,7 +4,7 @@ from math import cos, degrees, pi, radians, sqrt
 
 import numpy as np
 import pytest
-from gltf_scenes import read, triangle
+from scene_files import read, triangle
 from scipy.integrate import quad
 
 from obscurance.raytrace.errors import SceneError

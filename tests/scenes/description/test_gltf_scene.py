@@ -9,7 +9,7 @@ import numpy as np
 import PIL.Image
 import pytest
 from gltf_files import QUAD, TRIANGLE, Builder
-from gltf_scenes import read, textured, triangle
+from scene_files import read, textured, triangle
 
 from obscurance.raytrace import CookTorrance, Lambert
 from obscurance.raytrace.brdf.reflect import reflect

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from gltf_scenes import UV, read, textured, triangle
+from scene_files import UV, read, textured, triangle
 
 from obscurance.raytrace.errors import MeshError
 

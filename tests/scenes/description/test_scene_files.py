@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 import pytest
 from project import ROOT
-from scene_texts import PLAIN, SQUARE, scene
+from scene_files import PLAIN, SQUARE, scene
 
 from obscurance import ao
 from obscurance.raytrace import OrenNayar

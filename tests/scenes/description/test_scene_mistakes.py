@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from command import refused_without_a_trace
-from scene_texts import PLAIN, SQUARE, scene, written
+from scene_files import PLAIN, SQUARE, scene, written
 
 from obscurance.raytrace.errors import InputError, SceneError
 from obscurance.scenes.description.obscurance import with_obscurance
@@ -23,14 +23,8 @@ MISTAKES = {
     ),
     "objects[0]: expected either mesh or builtin, got neither": '[[objects]]\nmaterial = "gold"',
     "objects[0]: expected either mesh or builtin, got both": PLAIN + 'mesh = "square.obj"',
-    "objects[1].material: expected one of": PLAIN + PLAIN + 'material = "glod"',
     'vinyl_record, white_standard, got "glod"': PLAIN + 'material = "glod"',
     "objects[0].material: expected a name or a table, got 3": PLAIN + "material = 3",
-    "objects[0].material.albedo[0]: expected a number in [0, 1], got 2": (
-        PLAIN + 'material = { model = "lambert", albedo = 2 }'
-    ),
-    "objects[0].material.model: expected one of": PLAIN + 'material = { model = "lambret" }',
-    "objects[0].material.model: expected a value": PLAIN + "material = { albedo = 1 }",
     "objects[0].'a\\nb': expected one of": PLAIN + '"a\\nb" = 1',
     "objects[0].radius: expected one of fineness, size, name, builtin, material": PLAIN + "radius = 2",
     "objects[0].colour: expected one of name, mesh, material": '[[objects]]\nmesh = "square.obj"\ncolour = 1',
@@ -84,7 +78,6 @@ MISTAKES = {
         '[[objects]]\nmesh = "plain.obj"\ntexture = "paint.png"'
     ),
     'objects[0].translate[0]: expected a number, got "1"': PLAIN + 'translate = ["1", 0, 0]',
-    "objects[0].translate": PLAIN + "translate = [1, 0]",
     "objects[0].translate[2]: expected a finite number, got nan": PLAIN + "translate = [1, 0, nan]",
     "objects[0].scale: expected numbers other than 0": PLAIN + "scale = 0",
     "objects[0].axis: expected axis and angle together, got one alone": PLAIN + "angle = 3",
@@ -109,7 +102,6 @@ MISTAKES = {
     'materials[1].name: expected a name of its own, got "a" again': (
         2 * '[[materials]]\nname = "a"\npreset = "gold"\n' + PLAIN
     ),
-    "materials[0].preset: expected one of": '[[materials]]\nname = "a"\npreset = "glod"\n' + PLAIN,
     "materials[0].albdo: expected one of emission, two_sided, albedo, k_a, model, got an unknown key; did you mean": (
         '[[materials]]\nname = "a"\nmodel = "lambert"\nalbdo = 1\nalbedo = 1\n' + PLAIN
     ),
@@ -130,7 +122,6 @@ MISTAKES = {
     "lights[0].up: expected a vector other than zero": (
         PLAIN + '[[lights]]\nlight = "sky"\nzenith = 1\nhorizon = 1\nup = [0, 0, 0]'
     ),
-    "lights[0].light: expected one of": PLAIN + '[[lights]]\nlight = "laser"',
     "lights[0].half_angle: expected degrees in (0, 90], got 95": (
         PLAIN + '[[lights]]\nlight = "spot"\nposition = [0, 0, 1]\ndirection = [0, 0, -1]\nhalf_angle = 95'
     ),
@@ -150,10 +141,8 @@ MISTAKES = {
         "[camera]\nheight = 3\nfield_of_view = 30\n" + PLAIN
     ),
     "camera.aperture: expected a finite length of 0 or more, got -1": "[camera]\naperture = -1\n" + PLAIN,
-    "camera.fov: expected one of position, target, direction, up": "[camera]\nfov = 3\n" + PLAIN,
     "camera: expected a table, got 3": "camera = 3\n" + PLAIN,
     "render.width: expected a whole number from 1 to 32768, got 0": "[render]\nwidth = 0\n" + PLAIN,
-    "render.width: expected a whole number from 1 to 32768, got 10.0": "[render]\nwidth = 10.0\n" + PLAIN,
     "render.samples: expected a whole number from 1 to 4096, got True": "[render]\nsamples = true\n" + PLAIN,
     "render.shading: expected one of constant, flat, gouraud, phong, quadratic, got smooth": (
         '[render]\nshading = "smooth"\n' + PLAIN
@@ -172,7 +161,6 @@ MISTAKES = {
     "obscurance.tau and half_distance exclude each other": ("[obscurance]\nhalf_distance = 1\ntau = 1\n" + PLAIN),
     "obscurance.tau: expected a finite rate above 0, got 0.0": "[obscurance]\ntau = 0\n" + PLAIN,
     "obscurance.max_distance: expected a length above 0": '[obscurance]\nmax_distance = "-3%"\n' + PLAIN,
-    "obscurance.half_distance: expected a length": "[obscurance]\nhalf_distance = true\n" + PLAIN,
     "obscurance.samples: expected a whole number from 1 to": "[obscurance]\nsamples = 0\n" + PLAIN,
     "obscurance.seed: expected a whole number from 0 to": "[obscurance]\nseed = -1\n" + PLAIN,
     'obscurance.samples: expected nothing beside form = "off", got 3': (
@@ -201,36 +189,24 @@ MEANT = [
     (PLAIN + 'material = { model = "lambert" }', "objects[0].material.albedo: expected a value, got nothing"),
     (PLAIN + 'material = { model = "lambert", albedo = "red" }', "albedo: expected a list of numbers, got red"),
     (PLAIN + 'material = { model = "lambert", albedo = 1.1 }', "albedo[0]: expected a number in [0, 1], got 1.1"),
-    (PLAIN + 'material = { model = "oren_nayar", albedo = 1, sigma = 30 }', "expected radians in [0, π/2], got 30"),
     (
         PLAIN + 'material = { model = "cook_torrance", albedo = 1, m = 1, distribution = "bekmann" }',
         "distribution: expected one of beckmann, gaussian, got bekmann; did you mean beckmann?",
     ),
-    (PLAIN + 'material = { model = "phong", k_d = 0.8, k_s = 0.8 }', "k_d + k_s [0]: expected at most 1, got"),
     ('[[objects]]\nbuiltin = "shpere"', 'got "shpere"; did you mean sphere?'),
-    ('[[objects]]\nbuiltin = "sphere"\nradius = -1', "objects[0].radius: expected a number in", "got -1"),
     ('[[objects]]\nbuiltin = "sphere"\nraduis = 1', "objects[0].raduis", "did you mean radius?"),
     (PLAIN + "rotate = 90", "objects[0].rotate: expected a list of numbers, got 90"),
     (PLAIN + "translate = [1, 2]", "objects[0].translate[2]: expected a value, got nothing"),
     (PLAIN + "copies = [{ translat = [1, 2, 3] }]", "copies[0].translat: expected one of", "did you mean translate?"),
     ("[camera]\nfov = 30\n" + PLAIN, "camera.fov: expected one of", "did you mean field_of_view?"),
     ('[render]\nwidth = "big"\n' + PLAIN, 'render.width: expected a whole number from 1 to 32768, got "big"'),
-    ('[render]\nshading = "gourad"\n' + PLAIN, "got gourad; did you mean gouraud?"),
     ("[render]\nshadow = true\n" + PLAIN, "render.shadow: expected one of", "did you mean shadows?"),
     ('[obscurance]\nform = "ambiant"\n' + PLAIN, 'got "ambiant"; did you mean ambient?'),
-    ('[obscurance]\nfalloff = "exp"\n' + PLAIN, "got exp; did you mean exponential?"),
     ("[obscurance]\ntua = 1\n" + PLAIN, "obscurance.tua: expected one of", "did you mean tau?"),
     ("[obscurance]\nsamples = 1e3\n" + PLAIN, "obscurance.samples: expected a whole number, got 1000.0"),
-    ('[obscurance]\nmax_distance = "far"\n' + PLAIN, "obscurance.max_distance: expected a length above 0", "'far'"),
     (PLAIN + '[[lights]]\nlight = "pont"\nposition = [0, 0, 1]', "lights[0].light", "got pont; did you mean point?"),
     (PLAIN + "[[lights]]\nposition = [0, 0, 1]", "lights[0].light: expected a value, got nothing"),
     (PLAIN + '[[lights]]\nlight = "ambient"\nintesity = 1', "lights[0].intesity", "did you mean intensity?"),
-    (
-        '[[materials]]\nname = "a"\nmodel = "strauss"\ncolour = 1\nsmoothness = 1\n' + PLAIN,
-        "smoothness",
-        "[0, 1), got 1",
-    ),
-    (PLAIN + '[[lights]]\nlight = "point"\nposition = [inf, 0, 1]', "lights[0].position", "inf"),
     ('background = "blue"\n' + PLAIN, 'background: expected a list of numbers, got "blue"'),
 ]
 CASES = [(text, message) for message, text in MISTAKES.items()] + MEANT

@@ -71,10 +71,6 @@ def write_camera(folder):
 def test_it_is_refused_where_it_would_do_nothing(folder):
     (folder / "s.toml").write_text('[[objects]]\nmesh = "z.ply"\n')
     refused(obscurance("render", "s.toml", "-o", "p.png", "--up", "z"), "--up: expected a mesh file")
-    refused(
-        obscurance("bake", "z.ply", "-o", "w.npy", "--up", "z"),
-        "bake: --up needs --ground, --normals up, --debug-image or .html, .ply, .glb",
-    )
     refused(obscurance("render", "z.ply", "-o", "p.png", "--up", "w"), "--up", "w")
     builder = write_camera(folder)
     refused(obscurance("render", "c.glb", "-o", "p.png", "--up", "z"), "--up: expected a file without a camera")
@@ -161,10 +157,6 @@ def test_a_textured_glb_stands_upright_too(folder):
     baked("t.glb", "-o", "again.glb", *texture)
     assert stored("again.glb")[2] == ["z up"]
     assert load("again.glb").mesh.bounds[1].tolist() == [1, 1, 0]
-    refused(
-        obscurance("bake", "t.obj", "-o", "t.png", "--up", "z"),
-        "bake: --up needs --ground, --normals up, --debug-image or .html, .ply, .glb",
-    )
 
 
 def test_a_ply_says_what_is_up(folder):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from gltf_files import QUAD, Builder
-from gltf_scenes import read
+from mesh_files import obj
+from scene_files import read
 
 from obscurance import ao, scenes
 from obscurance.raytrace import AmbientLight, Camera, Lambert, OptionError, Scene, Settings, Shape, render
@@ -17,19 +18,17 @@ COLOURS = np.array([[1, 0, 1], [0.5, 0.25, 0], [0, 1, 0.2], [0.8, 0.8, 0.8]])
 AHEAD = Camera(position=(0.5, 0.5, 3), target=(0.5, 0.5, 0), up=(0, 1, 0), height=1.0)
 
 
-def obj(path, colours=COLOURS):
-    rows = [f"v {x} {y} {z} {r} {g} {b}" for (x, y, z), (r, g, b) in zip(QUAD, colours, strict=True)]
-    path.write_text("\n".join([*rows, "f 1 2 3", "f 1 3 4"]))
+COLOURED = obj(np.column_stack([QUAD, COLOURS]), FACES)
 
 
-def ply(path, colours=COLOURS):
+def ply():
     header = "ply\nformat ascii 1.0\nelement vertex 4\n"
     header += "".join(f"property float {name}\n" for name in "xyz")
     header += "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
     header += "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
-    rows = [[*place, *colour] for place, colour in zip(QUAD, np.rint(255 * colours).astype(int), strict=True)]
+    rows = [[*place, *colour] for place, colour in zip(QUAD, np.rint(255 * COLOURS).astype(int), strict=True)]
     rows += [[3, *face] for face in FACES]
-    path.write_text(header + "\n".join(" ".join(map(str, row)) for row in rows))
+    return (header + "\n".join(" ".join(map(str, row)) for row in rows)).encode()
 
 
 def gltf(folder, kind="<f4", scale=1, **fields):
@@ -54,10 +53,10 @@ def test_those_of_gltf_are_linear(tmp_path, kind, scale):
     assert shape.material == Lambert(albedo=1.0)
 
 
-@pytest.mark.parametrize("write", [obj, ply])
-def test_those_of_obj_and_ply_are_srgb(tmp_path, write):
-    path = tmp_path / f"quad.{write.__name__}"
-    write(path)
+@pytest.mark.parametrize("ending", ["obj", "ply"])
+def test_those_of_obj_and_ply_are_srgb(tmp_path, ending):
+    path = tmp_path / f"quad.{ending}"
+    path.write_bytes(COLOURED if ending == "obj" else ply())
     shape = only_shape(read_scene(path).scene)
     np.testing.assert_allclose(shape.colours, decode_srgb(COLOURS), atol=3e-3)
     assert shape.material == Lambert(albedo=1.0)
@@ -78,7 +77,7 @@ def test_they_multiply_the_albedo_linear_between_vertices(tmp_path, shading):
 
 @pytest.mark.parametrize("ending", [".ply", ".glb"])
 def test_the_grey_that_a_bake_writes_is_no_colour(tmp_path, ending):
-    obj(tmp_path / "quad.obj", np.ones((4, 3)))
+    (tmp_path / "quad.obj").write_bytes(obj(np.column_stack([QUAD, np.ones((4, 3))]), FACES))
     made = scenes.load(tmp_path / "quad.obj")
     bake = ao.bake(made.mesh, samples=16)
     scenes.write(tmp_path / f"baked{ending}", bake, made, colors="rgb")
@@ -87,7 +86,7 @@ def test_the_grey_that_a_bake_writes_is_no_colour(tmp_path, ending):
 
 
 def test_a_material_in_a_scene_takes_their_place_unless_the_scene_says_otherwise(tmp_path):
-    obj(tmp_path / "quad.obj")
+    (tmp_path / "quad.obj").write_bytes(COLOURED)
 
     def read_with(*lines):
         (tmp_path / "scene.toml").write_text("\n".join(["[[objects]]", *lines]))
@@ -105,9 +104,7 @@ def test_a_material_in_a_scene_takes_their_place_unless_the_scene_says_otherwise
 
 
 def test_colours_that_some_vertices_lack_are_left_out_with_a_warning(tmp_path):
-    obj(tmp_path / "quad.obj")
-    text = (tmp_path / "quad.obj").read_text().replace("v 1.0 1.0 0.0 0.0 1.0 0.2", "v 1.0 1.0 0.0")
-    (tmp_path / "quad.obj").write_text(text)
+    (tmp_path / "quad.obj").write_bytes(COLOURED.replace(b"v 1.0 1.0 0.0 0.0 1.0 0.2", b"v 1.0 1.0 0.0"))
     read = read_scene(tmp_path / "quad.obj")
     assert only_shape(read.scene).colours is None
     assert "colours, which some vertices lack" in read.notes[0]

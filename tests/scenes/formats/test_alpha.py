@@ -219,14 +219,10 @@ def test_a_missing_opacity_map_is_reported(tmp_path):
 
 
 def test_the_command_reports_and_ignores_alpha(tmp_path):
-    path, options = glb(tmp_path, MASK, LEAF), ("--falloff", "binary", "--samples", "256")
-    cut = obscurance("bake", path, "-o", tmp_path / "cut.npy", *options)
-    assert "alpha: 2 faces cut out, 0 blended" in cut.stdout
-    full = obscurance("bake", path, "-o", tmp_path / "full.npy", *options, "--alpha", "ignore")
-    assert "alpha" not in full.stdout
-    solid = glb(tmp_path, textured("OPAQUE"), LEAF)
-    succeeded("bake", solid, "-o", tmp_path / "solid.npy", *options)
-    assert (tmp_path / "full.npy").read_bytes() == (tmp_path / "solid.npy").read_bytes()
-    assert abs(np.load(tmp_path / "cut.npy") - np.load(tmp_path / "full.npy")).max() > 0.3
+    path, line = glb(tmp_path, MASK, LEAF), ("-o", tmp_path / "w.npy", "--samples", 256)
+    assert "alpha: 2 faces cut out, 0 blended" in succeeded("bake", path, *line).stdout
+    cut = np.load(tmp_path / "w.npy")
+    assert "alpha" not in succeeded("bake", path, *line, "--alpha", "ignore").stdout
+    assert abs(cut - np.load(tmp_path / "w.npy")).max() > 0.1
     path = glb(tmp_path, BLEND)
     assert "0 faces cut out, 2 blended" in obscurance("info", path).stdout

@@ -1,6 +1,7 @@
 """w that a bake has stored is rendered and shown."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -22,14 +23,21 @@ FACES = np.array([[0, 1, 2], [0, 2, 3], [0, 5, 4], [0, 4, 1]])
 PLAIN = '[[objects]]\nmesh = "{mesh}"\n[obscurance]\nbaked = "{baked}"\n'
 
 
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
     """A corner of two squares, and w of it in every format, one value a vertex for both sides of the edge."""
-    monkeypatch.chdir(tmp_path)
-    trimesh.Trimesh(CORNER, FACES, process=False).export(tmp_path / "corner.ply")
-    for target in ("w.npy", "w.npz", "w.ply"):
-        succeeded("bake", "corner.ply", "-o", target, "--samples", 64, "--seed", 3)
-    scenes.write("w.glb", ao.bake(load("corner.ply").mesh, samples=64, seed=3), "corner.ply")
+    folder = tmp_path_factory.mktemp("made")
+    mesh = folder / "corner.ply"
+    trimesh.Trimesh(CORNER, FACES, process=False).export(mesh)
+    for target in ("w.npy", "w.npz", "w.ply", "w.vtp"):
+        succeeded("bake", mesh, "-o", folder / target, "--samples", 64, "--seed", 3)
+    scenes.write(folder / "w.glb", ao.bake(load(mesh).mesh, samples=64, seed=3), mesh)
+    return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path, monkeypatch):
+    monkeypatch.chdir(shutil.copytree(made, tmp_path, dirs_exist_ok=True))
     return tmp_path
 
 
@@ -44,7 +52,7 @@ def picture_of(layer, scene, *options):
     return read_image("p.exr")[0][layer]
 
 
-@pytest.mark.parametrize("ending", ["npz", "ply", "glb"])
+@pytest.mark.parametrize("ending", ["npz", "ply", "glb", "vtp"])
 def test_every_format_gives_the_same_picture(folder, ending):
     expected = None
     for baked in ("w.npy", f"w.{ending}"):

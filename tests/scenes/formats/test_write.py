@@ -142,10 +142,3 @@ def test_a_full_disk_leaves_an_existing_output(tmp_path, fail_call, ending):
         write(target, random_bake(4), mesh_file())
     assert target.read_bytes() == b"before"
     assert list(tmp_path.iterdir()) == [target]
-
-
-def test_a_target_that_is_no_file(tmp_path):
-    (tmp_path / "folder.npy").mkdir()
-    for name in ("folder.npy", "missing/w.npy"):
-        with pytest.raises(OutputError, match="cannot write"):
-            check_target(tmp_path / name)

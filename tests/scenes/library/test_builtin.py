@@ -10,7 +10,7 @@ import pytest
 from obscurance.raytrace import material_from_dict
 from obscurance.raytrace.brdf.presets import PRESETS
 from obscurance.raytrace.brdf.registry import reflection_models
-from obscurance.raytrace.errors import OptionError, OutputError
+from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.scenes.description.read import read_scene
 from obscurance.scenes.geometry.builtin_shapes import SOLIDS, Box, Cylinder, Plane, Solid, Sphere, Sponge
@@ -45,17 +45,6 @@ def test_written_and_read(tmp_path, name):
     assert made.camera.position == tuple(table["camera"]["position"])
     assert 5_000 < sum(len(item.shape.mesh.vertices) for item in made.scene.objects) < 250_000
     assert builtin_toml(name).startswith("# ")
-
-
-def test_an_unknown_name(tmp_path):
-    with pytest.raises(OptionError, match=r"name: expected one of plane_wall, cornell, .* got gear"):
-        write_builtin("gear", tmp_path / "gear.toml")
-    assert not list(tmp_path.iterdir())
-
-
-def test_an_unwritable_target(tmp_path):
-    with pytest.raises(OutputError):
-        write_builtin("cornell", tmp_path / "none" / "scene.toml")
 
 
 def test_the_cornell_box_is_closed_around_camera_and_lamp(tmp_path):

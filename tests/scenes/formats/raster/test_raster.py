@@ -396,7 +396,7 @@ def hilly(tmp_path, monkeypatch):
     heights = 4 * np.add.outer(np.sin(x / 4), np.cos(x[:30] / 5))
     heights[3, 4] = NOWHERE
     write(tmp_path / "dem.tif", heights)
-    sky(tmp_path / "dem.tif")
+    succeeded("bake", "dem.tif", "-o", "sky.tif", "--falloff", "binary", "--samples", 64, "-q")
     return heights
 
 

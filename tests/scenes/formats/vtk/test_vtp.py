@@ -5,7 +5,7 @@ from base64 import b64encode
 
 import numpy as np
 import pytest
-from command import obscurance, refused, succeeded
+from command import obscurance, refused
 from mesh_files import mistake
 from vtp_files import COMPRESSORS, FACES, FORMS, NORMALS, POINTS, UV, Writer
 
@@ -32,21 +32,6 @@ def test_pieces_are_objects_and_pipes_are_known(tmp_path, standard_input):
     assert load(tmp_path / "m.vtp").objects == ("m[0]", "m[1]")
     standard_input(Writer("appended raw", "vtkZLibDataCompressor").document())
     assert "6, 0 of them degenerate" in obscurance("info", "-").stdout
-
-
-def test_what_is_written_is_read_again(tmp_path):
-    (tmp_path / "m.vtp").write_bytes(Writer("ascii").document())
-    succeeded("bake", tmp_path / "m.vtp", "-o", tmp_path / "w.vtp", "--samples", 16)
-    before, after = load(tmp_path / "m.vtp", "x.vtp"), load(tmp_path / "w.vtp", "x.vtp")
-    for name in ("vertices", "faces", "normals"):
-        np.testing.assert_array_equal(getattr(after.mesh, name), getattr(before.mesh, name))
-    assert after.sizes.tolist() == [4, 3, 3, 3, 3]
-    succeeded("bake", tmp_path / "m.vtp", "-o", tmp_path / "w.npy", "--samples", 16)
-    np.testing.assert_allclose(after.w, np.load(tmp_path / "w.npy"), atol=1e-7)
-    succeeded("view", tmp_path / "w.vtp", "-o", tmp_path / "w.html")
-    options = "--width", 8, "--height", 8, "--baked", tmp_path / "w.vtp"
-    succeeded("render", tmp_path / "m.vtp", "-o", tmp_path / "w.png", *options)
-    succeeded("bake", tmp_path / "m.vtp", "-o", tmp_path / "t.png", "--size", 16, "--samples", 4)
 
 
 PACKED = Writer("binary", "vtkZLibDataCompressor").document()
