@@ -21,6 +21,7 @@ from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.system.threads import thread_count
 from obscurance.raytrace.types import Float64Grid, Float64s, Int64s
 
+from ..mu import Mu
 from .outlines import CORNERS, outline
 from .sheets import FLAT, NEAR, NEIGHBOURS, Cloud, beside, tell_sheets
 
@@ -29,6 +30,9 @@ _PARALLEL = 0.8  # cosine between normals of a sheet and of one above it, at lea
 _DOUBT = 0.5  # error of w where it is open whether a disc is above the point
 _INNER = 0.86  # of a disc's radius, within which the hexagon is in every direction
 _CLOSED = 0.7  # the same where a disc of the own sheet is above the rays' origin
+_UNKNOWN = 0.5  # of a spacing, by which it is open where the border lies: on the outermost points, or up to one beyond
+_POINTS = 16  # of borders, at most, that count for a point
+_FARTHEST = 24.0  # spacings, up to which they do
 
 
 class Discs(NamedTuple):
@@ -38,11 +42,13 @@ class Discs(NamedTuple):
         mesh: a hexagon about each point.
         lifts: (k,), how far above its disc the rays of each point start.
         doubts: (k,), errors of w of which rays know nothing: whether discs are above a point, or of its own sheet.
+        spacings: (k,), of the points around those at a sheet's border, else 0.
     """
 
     mesh: Mesh
     lifts: Float64s
     doubts: Float64s
+    spacings: Float64s
 
 
 def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int | None = None) -> Discs:
@@ -64,8 +70,8 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
     tell_sheets.on(threads)(cloud, near, distances)
     corners = np.empty((len(points), CORNERS, 3))
     counts = np.empty(len(points), np.int64)
-    outline.on(threads)(cloud, near, corners, counts)
-    lifts, doubts = np.empty((2, len(points)))
+    lifts, doubts, spacings = np.empty((3, len(points)))
+    outline.on(threads)(cloud, near, corners, counts, spacings)
     _lift.on(threads)(cloud, (corners, counts), lifts, doubts)
     place = np.argsort(order)
     vertices = corners[np.arange(CORNERS) < counts[:, None]]
@@ -73,7 +79,35 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
     fans = np.repeat(firsts, counts - 2)
     ahead = np.arange(len(fans)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2) + 1
     faces = np.stack([fans, fans + ahead, fans + ahead + 1], axis=1)
-    return Discs(Mesh(vertices, faces, source=source), lifts[place], doubts[place])
+    return Discs(Mesh(vertices, faces, source=source), lifts[place], doubts[place], spacings[place])
+
+
+def border_errors(points: Float64s, axes: Float64s, spacings: Float64s, mu: Mu, threads: int | None = None) -> Float64s:
+    """Errors of w at points (k, 3), (k,): the form factors of strips along borders, as wide as these are uncertain.
+
+    A strip of area dA at distance d has cosθ cosθ' dA / (π d²) of a hemisphere; strips are off together.
+
+    Args:
+        points, axes, spacings: of the cloud; unit normals (k, 3), and spacings (k,), 0 but at borders.
+        mu: the falloff; what is far away closes less.
+    """
+    errors = np.zeros(len(points))
+    at_border = np.flatnonzero(spacings)
+    if not len(at_border):
+        return errors
+    farthest = _FARTHEST * spacings.max()
+    tree = cKDTree(points[at_border])
+    count = list(range(1, min(_POINTS, len(at_border)) + 1))
+    distances, nearest = tree.query(points, count, distance_upper_bound=farthest, workers=thread_count(threads))
+    row, column = np.nonzero(np.isfinite(distances) & (distances > 0.0))
+    distance = distances[row, column]
+    border = at_border[nearest[row, column]]
+    way = (points[border] - points[row]) / distance[:, None]
+    cosine = np.maximum(np.einsum("kc,kc->k", way, axes[row]), 0.0) * np.abs(np.einsum("kc,kc->k", way, axes[border]))
+    area = _UNKNOWN * spacings[border] ** 2
+    strips = (1.0 - mu(distance)) * cosine * area / (np.pi * distance**2)
+    np.add.at(errors, row, strips)
+    return np.minimum(errors, _DOUBT)
 
 
 @each("lifts")

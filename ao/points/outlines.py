@@ -1,7 +1,7 @@
 """Outlines of discs, which end where their sheet does: at its border, and at convex edges.
 
 As surface splats are clipped at sharp features (Zwicker et al. 2004), a disc is cut by the planes of points beyond a
-convex edge; at a border, half a spacing beyond the convex hull of its sheet's points around it.
+convex edge; at a border, somewhat beyond the convex hull of its sheet's points around it.
 """
 
 import numpy as np
@@ -9,27 +9,28 @@ import numpy as np
 from obscurance.raytrace.kernel.jit import inline
 from obscurance.raytrace.kernel.vector import add, dot, load, scale, subtract, tangents
 from obscurance.raytrace.system.parallel import each
-from obscurance.raytrace.types import Float64Grid, Int32Rows, Int64s
+from obscurance.raytrace.types import Float64Grid, Float64s, Int32Rows, Int64s
 
-from .sheets import NEAR, Cloud, beside
+from .sheets import FLAT, NEAR, Cloud, beside
 
 CORNERS = 10
 """Of an outline, at most: of a hexagon that is cut four times."""
 _HEXAGON = np.stack([np.cos(np.radians(60 * np.arange(6))), np.sin(np.radians(60 * np.arange(6)))], axis=1)
 _AROUND = 1.4  # of the radius: with points of the sheet so far off in every sixth, no border is near
 _ALL_SIXTHS = 0b10111101  # of the signs of y, a − y and a + y, a = √3 x, those that there are
-_MARGIN = 0.55  # of the mean spacing in the hull, by which the sheet goes on beyond it
+_MARGIN = 0.4  # of the mean spacing in the hull, by which the sheet goes on beyond it
 _BEYOND = 1.0  # spacing beyond a side of the hull, where the sheet has a point if a hole and no border lies there
 _HOLE = 2.5  # of a disc's radius, across which such a point is sought
 _AHEAD = 0.35  # cosine between the way to it and the way out
 _THIN = 0.05  # of its square, the hull's area: points along a line, beside which nothing is known
+_CROSSED = 1.5  # of the radius, within which other planes cross the disc's at its sheet's edge
 _ROUNDED = 1.0 + 1e-9  # times an offset, at which an outline that was cut there may end
 _BESIDE = 0.7  # cosine between directions to the same side
 
 
 @each("near")
-def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts: Int64s) -> None:
-    """Write the corners of each disc, (k, CORNERS, 3), and how many these are.
+def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts: Int64s, spacings: Float64s) -> None:
+    """Write the corners of each disc, (k, CORNERS, 3), how many these are, and the spacing at borders, elsewhere 0.
 
     Args: near: of the cloud.
     """
@@ -64,21 +65,25 @@ def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts:
         x = dot(load(cloud.axes, near[i, j]), u)
         y = dot(load(cloud.axes, near[i, j]), v)
         size = np.sqrt(x * x + y * y)
-        if above * along < 0.0 and abs(along) < radius * size:
-            crossings[crossing, 0] = x / size
-            crossings[crossing, 1] = y / size
-            crossings[crossing, 2] = along / size
+        is_across = above * along < 0.0 or min(abs(above), abs(along)) < FLAT * radius
+        if is_across and above != along and abs(along) < _CROSSED * radius * size:
+            side = 1.0 if above < along else -1.0  # of a convex edge, or of a crease
+            crossings[crossing, 0] = side * x / size
+            crossings[crossing, 1] = side * y / size
+            crossings[crossing, 2] = along / size if side > 0.0 else -1.0
             crossing += 1
     reach = np.sqrt(reach)
     # Convex edges.
     for j in range(crossing):
         x, y, offset = crossings[j, 0], crossings[j, 1], crossings[j, 2]
-        if offset > 0.0:
+        if offset >= 0.0:
             for k in range(of_sheet):
                 offset = max(offset, x * sheet[k, 0] + y * sheet[k, 1])
             count = _cut(outlines, count, x, y, offset)
+    spacings[i] = 0.0
     if sixths != _ALL_SIXTHS:
-        count = _cut_at_borders(cloud, i, (sheet, of_sheet), (crossings, crossing), (outlines, count, np.sqrt(reach)))
+        others = (crossings, crossing)
+        count, spacings[i] = _cut_at_borders(cloud, i, (sheet, of_sheet), others, (outlines, count, np.sqrt(reach)))
     counts[i] = count
     for k in range(count):
         corner = add(p, add(scale(outlines[0, k, 0], u), scale(outlines[0, k, 1], v)))
@@ -87,7 +92,8 @@ def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts:
 
 @inline
 def _cut_at_borders(cloud, i, sheet, others, outline):
-    """Cut the outline of point i to the hull of its sheet's points, and returns how many corners it has.
+    """Cut the outline of point i to the hull of its sheet's points. Returns how many corners it has, and the spacing if
+    a border is there, else 0.
 
     Args: sheet, others: in the plane of the disc, and how many. outline: with how far the farthest point is.
     """
@@ -98,8 +104,9 @@ def _cut_at_borders(cloud, i, sheet, others, outline):
     hull = np.empty(NEAR + 1, np.int64)
     size, area = _hull(places, of_sheet, hull)
     if area <= _THIN * reach * reach:
-        return count
+        return count, 0.0
     spacing = np.sqrt(area / of_sheet)
+    at_border = 0.0
     for k in range(size):
         a = hull[k]
         b = hull[(k + 1) % size]
@@ -114,17 +121,17 @@ def _cut_at_borders(cloud, i, sheet, others, outline):
             continue
         if not _goes_on(cloud, i, add(scale(x, u), scale(y, v)), offset + _BEYOND * spacing):
             count = _cut(outlines, count, x, y, border)
-    return count
+            at_border = spacing
+    return count, at_border
 
 
 @inline
 def _is_crossed(crossings, count, x, y):
     """Whether another plane crosses the disc's in a direction."""
+    most = -1.0
     for j in range(count):
-        along = crossings[j, 0] * x + crossings[j, 1] * y
-        if (along if crossings[j, 2] > 0.0 else -along) > _BESIDE:
-            return True
-    return False
+        most = max(most, crossings[j, 0] * x + crossings[j, 1] * y)
+    return most > _BESIDE
 
 
 @inline
