@@ -25,9 +25,10 @@ from ..estimate.sites import ONE_PLACE, Sites
 from ..execute.tracer import Progress
 from ..falloff import Falloffs
 from ..options import BackFaces, Options, Weight
-from ..points.discs import NEIGHBOURS, discs
+from ..points.discs import border_errors, discs
 from ..points.points import Points
 from ..points.receivers import Flag
+from ..points.sheets import NEIGHBOURS
 from ..prepared import Prepared
 from ..result import Bake, BakedElements, PointValues, assemble, shortfalls
 
@@ -86,10 +87,13 @@ def bake_points(
     usable = np.flatnonzero(axes.any(axis=1))
     # What occludes: the mesh, or discs in place of the points.
     lifts, doubts = np.zeros((2, len(places)))
+    spacings = np.zeros(len(usable))
     if mesh is None:
-        mesh, lifts[usable], doubts[usable] = discs(places[usable], axes[usable], threads=threads)
+        mesh, lifts[usable], doubts[usable], spacings = discs(places[usable], axes[usable], threads=threads)
     solid = mesh_of(mesh, "bake_points")
     prepared = Prepared.of(solid, checked, progress, None, [mesh_of(occluder, "occluders") for occluder in occluders])
+    at_borders = border_errors(places[usable], axes[usable], spacings, prepared.mu, threads)
+    doubts[usable] = np.hypot(doubts[usable], at_borders)
     # The points with an axis, along a curve that keeps neighbours together, and those near each.
     order = usable[morton_order(_in_render_space(prepared, places[usable]).astype(np.float32))]
     baked = _points_at(prepared, places[order], axes[order], lifts[order])
@@ -107,7 +111,8 @@ def bake_points(
     seconds = {"build": prepared.receivers.tree_seconds, "bake": time.perf_counter() - start}
     lines = shortfalls(checked, result.rmses, values.samples, "point", solid, prepared.placement.vertices)
     if lines and (in_doubt := np.count_nonzero(doubts > result.rmse)):
-        lines += (f"discs may be above {in_doubt:,} of {len(places):,} points, or beside: noise, or holes of a sheet",)
+        where = f"{in_doubt:,} of {len(places):,} points"
+        lines += (f"discs may be above {where}, or beside: noise, holes of a sheet, or its border",)
     return replace(result, at="points", seconds=seconds, shortfalls=lines)
 
 

@@ -13,24 +13,26 @@ from scipy.spatial import cKDTree
 
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.kernel.jit import inline
-from obscurance.raytrace.kernel.vector import add, dot, length, load, scale, subtract
+from obscurance.raytrace.kernel.vector import add, cross, dot, length, load, scale, subtract
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import normalize
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.system.threads import thread_count
-from obscurance.raytrace.types import BoolRows, Float64Rows, Float64s, Int32Rows
+from obscurance.raytrace.types import Float64Grid, Float64s, Int64s
 
-NEIGHBOURS = 6
-"""Nearest points of a sheet, to the last of which a disc reaches."""
+from ..mu import Mu
+from .outlines import CORNERS, outline
+from .sheets import FLAT, NEAR, NEIGHBOURS, Cloud, beside, tell_sheets
+
 _LIFT = 0.5  # of a disc's radius, from which rays of its point start at most: neighbours' discs are below that
-_NEAR, _OF_SHEET = 32, 6  # nearest points, and how many of them are of the point's own sheet at least
-_TURNED, _PARALLEL = 0.5, 0.8  # cosines between normals of one sheet, and of one above another, at least
-_APART, _FLAT = 48.0, 0.03  # of how far a sheet's own points are off, and of the radius: off by more is another sheet
+_PARALLEL = 0.8  # cosine between normals of a sheet and of one above it, at least
 _DOUBT = 0.5  # error of w where it is open whether a disc is above the point
-_CLOSED = 0.7  # the same where a disc of the own sheet is above the rays' origin
 _INNER = 0.86  # of a disc's radius, within which the hexagon is in every direction
-_RIM = np.radians(60 * np.arange(6))
+_CLOSED = 0.7  # the same where a disc of the own sheet is above the rays' origin
+_UNKNOWN = 0.5  # of a spacing, by which it is open where the border lies: on the outermost points, or up to one beyond
+_POINTS = 16  # of borders, at most, that count for a point
+_FARTHEST = 24.0  # spacings, up to which they do
 
 
 class Discs(NamedTuple):
@@ -40,21 +42,13 @@ class Discs(NamedTuple):
         mesh: a hexagon about each point.
         lifts: (k,), how far above its disc the rays of each point start.
         doubts: (k,), errors of w of which rays know nothing: whether discs are above a point, or of its own sheet.
+        spacings: (k,), of the points around those at a sheet's border, else 0.
     """
 
     mesh: Mesh
     lifts: Float64s
     doubts: Float64s
-
-
-class _Cloud(NamedTuple):
-    """Points and axes (k, 3), the radii of their discs (k,), those `near` each (k, j), and which are of its sheet."""
-
-    points: Float64Rows
-    axes: Float64Rows
-    radius: Float64s
-    near: Int32Rows
-    of_sheet: BoolRows
+    spacings: Float64s
 
 
 def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int | None = None) -> Discs:
@@ -64,61 +58,60 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
     """
     if len(points) < 2 or not np.isfinite(points).all():
         raise MeshError(source, "points", "finite coordinates of at least two", f"{len(points)}, or others")
-    axes = normalize(np.nan_to_num(axes))
-    # The sheet of each point, the disc's radius, and what is above.
-    count = min(_NEAR + 1, len(points))
-    distances = np.empty((len(points), count))
-    nearest = np.empty((len(points), count), np.int32)
-    order = morton_order((points - points[0]).astype(np.float32))  # so that what is sought next lies near
-    distances[order], nearest[order] = cKDTree(points).query(points[order], count, workers=thread_count(threads))
-    near = np.ascontiguousarray(nearest[:, 1:])
+    order = morton_order((points - points[0]).astype(np.float32))  # so that what is near is near in memory
+    ordered = points[order]
+    cloud_axes = normalize(np.nan_to_num(axes[order]))
+    # The sheet of each point, the disc's radius and outline, and what is above.
+    count = min(NEAR + 1, len(points))
+    distances, nearest = cKDTree(ordered).query(ordered, count, workers=thread_count(threads))
+    near = nearest[:, 1:].astype(np.int32)
     radius = distances[:, 1 : NEIGHBOURS + 1][:, -1].copy()
-    cloud = _Cloud(np.ascontiguousarray(points), axes, radius, near, np.empty(near.shape, np.bool_))
-    _tell_sheets.on(threads)(cloud, cloud.near, distances)
-    lifts, doubts = np.empty((2, len(points)))
-    _lift.on(threads)(cloud, lifts, doubts)
-    # Hexagons.
-    least = np.eye(3)[np.abs(axes).argmin(axis=1)]
-    u = normalize(np.cross(axes, least))
-    v = np.cross(axes, u)
-    rim = np.cos(_RIM)[:, None] * u[:, None] + np.sin(_RIM)[:, None] * v[:, None]
-    vertices = points[:, None] + cloud.radius[:, None, None] * rim
-    fan = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]])
-    faces = 6 * np.arange(len(points))[:, None, None] + fan
-    return Discs(Mesh(vertices.reshape(-1, 3), faces.reshape(-1, 3), source=source), lifts, doubts)
+    cloud = Cloud(ordered, cloud_axes, radius, near, np.empty(near.shape, np.bool_))
+    tell_sheets.on(threads)(cloud, near, distances)
+    corners = np.empty((len(points), CORNERS, 3))
+    counts = np.empty(len(points), np.int64)
+    lifts, doubts, spacings = np.empty((3, len(points)))
+    outline.on(threads)(cloud, near, corners, counts, spacings)
+    _lift.on(threads)(cloud, (corners, counts), lifts, doubts)
+    place = np.argsort(order)
+    vertices = corners[np.arange(CORNERS) < counts[:, None]]
+    firsts = np.cumsum(counts) - counts
+    fans = np.repeat(firsts, counts - 2)
+    ahead = np.arange(len(fans)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2) + 1
+    faces = np.stack([fans, fans + ahead, fans + ahead + 1], axis=1)
+    return Discs(Mesh(vertices, faces, source=source), lifts[place], doubts[place], spacings[place])
 
 
-@each("near")
-def _tell_sheets(i: int, cloud: _Cloud, near: Int32Rows, distances: Float64Rows) -> None:
-    """Fill in `of_sheet`, and the `radius`, which is the distance of the sixth neighbour before: a disc reaches to the
-    sixth across edges, too, which does not lie on a sheet above or below.
+def border_errors(points: Float64s, axes: Float64s, spacings: Float64s, mu: Mu, threads: int | None = None) -> Float64s:
+    """Errors of w at points (k, 3), (k,): the form factors of strips along borders, as wide as these are uncertain.
 
-    Args: near: of the cloud. distances: (k, 1 + j), of the point itself and of those near it.
+    A strip of area dA at distance d has cosθ cosθ' dA / (π d²) of a hemisphere; strips are off together.
+
+    Args:
+        points, axes, spacings: of the cloud; unit normals (k, 3), and spacings (k,), 0 but at borders.
+        mu: the falloff; what is far away closes less.
     """
-    least = np.full(_OF_SHEET, np.inf)  # distances of those with alike normals, sorted
-    for j in range(near.shape[1]):
-        facing, above, along = _beside(cloud, i, j)
-        off = abs(above + along) / 2.0
-        if facing > _TURNED and off < least[-1]:
-            k = _OF_SHEET - 1
-            while k > 0 and least[k - 1] > off:
-                least[k] = least[k - 1]
-                k -= 1
-            least[k] = off
-    limit = max(_APART * least[min(_OF_SHEET, near.shape[1]) - 1], _FLAT * cloud.radius[i])
-    around = 0
-    for j in range(near.shape[1]):
-        facing, above, along = _beside(cloud, i, j)
-        of_sheet = facing > _TURNED and abs(above + along) / 2.0 <= limit
-        cloud.of_sheet[i, j] = of_sheet
-        if of_sheet or abs(facing) <= _TURNED:
-            around += 1
-            if around == NEIGHBOURS:
-                cloud.radius[i] = distances[i, 1 + j]
+    errors = np.zeros(len(points))
+    at_border = np.flatnonzero(spacings)
+    if not len(at_border):
+        return errors
+    farthest = _FARTHEST * spacings.max()
+    tree = cKDTree(points[at_border])
+    count = list(range(1, min(_POINTS, len(at_border)) + 1))
+    distances, nearest = tree.query(points, count, distance_upper_bound=farthest, workers=thread_count(threads))
+    row, column = np.nonzero(np.isfinite(distances) & (distances > 0.0))
+    distance = distances[row, column]
+    border = at_border[nearest[row, column]]
+    way = (points[border] - points[row]) / distance[:, None]
+    cosine = np.maximum(np.einsum("kc,kc->k", way, axes[row]), 0.0) * np.abs(np.einsum("kc,kc->k", way, axes[border]))
+    area = _UNKNOWN * spacings[border] ** 2
+    strips = (1.0 - mu(distance)) * cosine * area / (np.pi * distance**2)
+    np.add.at(errors, row, strips)
+    return np.minimum(errors, _DOUBT)
 
 
 @each("lifts")
-def _lift(i: int, cloud: _Cloud, lifts: Float64s, doubts: Float64s) -> None:
+def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Float64s, doubts: Float64s) -> None:
     """Write `Discs.lifts` and `doubts`: rays start above the discs of the own sheet, which overlap, and half the way to
     the first disc of another one above."""
     p = load(cloud.points, i)
@@ -126,25 +119,29 @@ def _lift(i: int, cloud: _Cloud, lifts: Float64s, doubts: Float64s) -> None:
     first, rough, highest = np.inf, 0.0, 0.0
     is_beside_hole = is_covered = False
     for j in range(cloud.near.shape[1]):
-        facing, above, along = _beside(cloud, i, j)
+        facing, above, along = beside(cloud, i, j)
         height = along / facing if facing != 0.0 else 0.0  # of the disc's plane over the point
         if height <= 0.0:
             continue
         near = cloud.near[i, j]
         reach = cloud.radius[near]
-        aside = length(subtract(add(p, scale(height, load(cloud.axes, i))), load(cloud.points, near)))
+        if not cloud.of_sheet[i, j] and above <= 0.0:
+            continue
+        centre = load(cloud.points, near)
+        offset = subtract(add(p, scale(height, load(cloud.axes, i))), centre)
+        aside = length(offset)
+        is_below = aside <= reach and _is_in(outlines, near, add(centre, scale(_INNER, offset)), load(cloud.axes, near))
         if cloud.of_sheet[i, j]:
-            if aside <= reach:
+            if is_below:
                 highest = max(highest, height)
-                if abs(above + along) / 2.0 > _FLAT * radius:  # not level with the sheet
+                if abs(above + along) / 2.0 > FLAT * radius:  # not level with the sheet
                     rough = max(rough, height)
-        elif above > 0.0:
-            if aside <= reach:
+        else:
+            if is_below:
                 first = min(first, height)
+                is_covered |= aside <= _INNER * reach
             if abs(facing) > _PARALLEL and height < radius and aside <= 2.0 * reach:
                 is_beside_hole = True
-            if aside <= _INNER * reach:
-                is_covered = True
     lifts[i] = _LIFT * min(radius, first)
     is_hole = is_beside_hole and not is_covered  # of a sheet just above
     if highest >= lifts[i]:
@@ -154,10 +151,14 @@ def _lift(i: int, cloud: _Cloud, lifts: Float64s, doubts: Float64s) -> None:
 
 
 @inline
-def _beside(cloud, i, j):
-    """The cosine between the normals of point i and of the j-th near it, and how far this lies along both."""
-    near = cloud.near[i, j]
-    axis = load(cloud.axes, i)
-    there = load(cloud.axes, near)
-    between = subtract(load(cloud.points, near), load(cloud.points, i))
-    return dot(there, axis), dot(between, axis), dot(between, there)
+def _is_in(outlines, near, place, axis):
+    """Whether a place in the plane of a disc is in its outline, anticlockwise about the axis."""
+    corners, counts = outlines
+    last = counts[near] - 1
+    before = corners[near, last, 0], corners[near, last, 1], corners[near, last, 2]
+    for k in range(counts[near]):
+        corner = corners[near, k, 0], corners[near, k, 1], corners[near, k, 2]
+        if dot(cross(subtract(corner, before), subtract(place, before)), axis) < 0.0:
+            return False
+        before = corner
+    return True
