@@ -27,6 +27,7 @@ from obscurance.raytrace.embree import (
 from obscurance.raytrace.kernel.jit import called_back, inline, kernel
 from obscurance.raytrace.kernel.vector import column
 from obscurance.raytrace.mesh.mesh import Mesh
+from obscurance.raytrace.mesh.morton import fine_morton_order
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.solids import closed_parts
 from obscurance.raytrace.mesh.weld import coincident, connected_components
@@ -46,6 +47,7 @@ _COUNT, _PASSED = ROOM, ROOM + 1  # rows of a packet: how many solids a ray has 
 _KEY = np.uint32(0x51DE)
 _DRAWING = 1 << 14  # points that the sets of directions are for
 _BLOCK, _NEAR, _MOST = 1 << 7, 1 << 9, 16  # points, and blocks at once
+_SEVERAL = 16  # samples of a site that is in a solid in part, at least: w changes most where solids meet
 _ATTEMPTS, _MOST_DRAWN = 4, 1 << 12  # at samples outside: 1, 2, 4, … parts of a site's, of so many samples at most
 _sought: WeakKeyDictionary[Receivers, tuple[Int64s, Bools]] = WeakKeyDictionary()
 
@@ -111,19 +113,17 @@ class OutsideSampler(NamedTuple):
     draw: Callable[[Int64s, Int64s, np.uint32], tuple[SurfaceSamples, Int64s]]
     is_inside: Callable[[SurfaceSamples], Bools]
 
-    def settle(self, sites: Int64s, samples: SurfaceSamples, key: np.uint32) -> Bools:
-        """Move the samples that all `sites` (k,) have, in place, out of solids; and say which sites are hidden, whose
-        samples stay: of the places drawn first for any seed alike none is outside."""
+    def settle(self, sites: Int64s, samples: SurfaceSamples, key: np.uint32) -> tuple[SurfaceSamples, Bools]:
+        """The samples that all `sites` (k,) have, out of solids; and which sites are hidden, whose samples stay: of the
+        places drawn first for any seed alike none is outside."""
         inside = self.is_inside(samples)
         some = samples.groups_with(inside)
         hidden = np.zeros(len(samples), np.bool_)
-        if not len(some):
-            return hidden
         hidden[some] = True
-        drawn, of = self.draw(sites[some], 0 * some, _KEY)
-        hidden[some[of[drawn.groups_with(~self.is_inside(drawn))]]] = False
-        self._move(samples, inside & ~np.repeat(hidden, samples.counts), sites, 0 * sites, key)
-        return hidden
+        if len(some):
+            drawn, of = self.draw(sites[some], 0 * some, _KEY)
+            hidden[some[of[drawn.groups_with(~self.is_inside(drawn))]]] = False
+        return self._moved(samples, inside & ~np.repeat(hidden, samples.counts), sites, 0 * sites, key)[0], hidden
 
     def elsewhere(self, sites: Int64s, parts: Int64s, key: np.uint32, hidden: Bools) -> tuple[SurfaceSamples, Int64s]:
         """Samples of sites (n,) as `draw` makes them, but out of solids, and which of the n have any.
@@ -132,27 +132,28 @@ class OutsideSampler(NamedTuple):
         """
         samples, of = self.draw(sites, parts, key)
         inside = self.is_inside(samples) & ~np.repeat(hidden[of], samples.counts)
-        found = self._move(samples, inside, sites[of], parts[of], key)
+        samples, found = self._moved(samples, inside, sites[of], parts[of], key)
         return (samples, of) if found.all() else (samples.only(np.flatnonzero(found)), of[found])
 
-    def _move(self, samples: SurfaceSamples, inside: Bools, sites: Int64s, parts: Int64s, key: np.uint32) -> Bools:
-        """Replace samples (p,) of `sites` (k,) that are `inside` (p,) by others that are drawn until enough are
-        outside, or, where few are, by these over and over. Returns which sites have any outside (k,)."""
+    def _moved(
+        self, samples: SurfaceSamples, inside: Bools, sites: Int64s, parts: Int64s, key: np.uint32
+    ) -> tuple[SurfaceSamples, Bools]:
+        """The samples of `sites` (k,), where some are `inside` (p,) others, `_SEVERAL` or more, that are drawn until
+        enough are outside, or, where few are, these over and over; and which sites have any outside (k,)."""
         some = samples.groups_with(inside)
-        is_some = np.zeros(len(samples), np.bool_)
+        found_any = np.ones(len(samples), np.bool_)
         if not len(some):
-            return ~is_some
-        is_some[some] = True
+            return samples, found_any
+        found_any[some] = False
         # Samples of these sites, `outside` or not, their own and then others, and the row in `some` of each.
         pool, counts = samples.only(some), samples.counts[some]
-        outside = ~inside[np.repeat(is_some, samples.counts)]
+        wanted = np.maximum(counts, _SEVERAL)
+        outside = ~inside[np.repeat(~found_any, samples.counts)]
         row = np.repeat(np.arange(len(some)), counts)
-        own = len(row)
-        lacking = counts - np.bincount(row[outside], minlength=len(some))
         for attempt in range(_ATTEMPTS + 1):
             is_last = attempt == _ATTEMPTS  # where there is nothing yet, among the places that do not depend on a seed
             times = 1 if is_last else 1 << attempt
-            short = np.bincount(row[outside], minlength=len(some)) < (1 if is_last else counts)
+            short = np.bincount(row[outside], minlength=len(some)) < (1 if is_last else wanted)
             of_part = np.repeat(np.flatnonzero(short & (times * counts <= _MOST_DRAWN)), times)
             if not len(of_part):
                 continue
@@ -162,20 +163,21 @@ class OutsideSampler(NamedTuple):
             pool = pool.followed_by(drawn)
             outside = np.append(outside, ~self.is_inside(drawn))
             row = np.append(row, np.repeat(of_part[of], drawn.counts))
-        # A systematic sample of the others, from a random start: no layer of a texel is preferred.
-        is_other = np.arange(len(row)) >= own
-        enough = np.bincount(row[outside & is_other], minlength=len(some)) >= lacking
-        usable = np.flatnonzero(outside & (is_other | ~enough[row]))
+        # A systematic sample of those outside, along a curve from a random start: even over the site and its layers.
+        usable = np.flatnonzero(outside)
+        usable = usable[fine_morton_order(pool.points.origins[usable])]
         usable = usable[np.argsort(row[usable], kind="stable")]
         found = np.bincount(row[usable], minlength=len(some))
-        of_slot = np.repeat(np.arange(len(some)), lacking)
+        some, first, found, wanted = (each[found > 0] for each in (some, np.cumsum(found) - found, found, wanted))
+        found_any[some] = True
+        moved = samples.resized(some, wanted)
+        moved.all_count[some] |= wanted == _SEVERAL
         start = np.ldexp(hash32_array(hash32_array(sites[some]) ^ hash32_array(parts[some]) ^ key), -32)
-        along = start[of_slot] + np.arange(len(of_slot)) - (np.cumsum(lacking) - lacking)[of_slot]
-        chosen = (np.cumsum(found) - found)[of_slot] + (along * found[of_slot] / lacking[of_slot]).astype(np.int64)
-        filled = found[of_slot] > 0
-        samples.put(np.flatnonzero(inside)[filled], pool, usable[chosen[filled]])
-        is_some[some[found > 0]] = False
-        return ~is_some
+        rank = np.arange(wanted.sum()) - np.repeat(np.cumsum(wanted) - wanted, wanted)
+        chosen = (np.repeat(start, wanted) + rank) * np.repeat(found / wanted, wanted)
+        rows = np.repeat(moved.starts[some], wanted) + rank
+        moved.put(rows, pool, usable[np.repeat(first, wanted) + chosen.astype(np.int64)])
+        return moved, found_any
 
 
 def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:

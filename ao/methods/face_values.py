@@ -66,7 +66,7 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
     outside = OutsideSampler(draw, prepared.inside)
     everything, key = np.arange(len(faces)), derive(prepared.key, _PLACES)
     samples, _ = draw(everything, 0 * everything, key)
-    hidden = outside.settle(everything, samples, key)
+    samples, hidden = outside.settle(everything, samples, key)
 
     def elsewhere(numbers: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
         return outside.elsewhere(numbers, parts, key, hidden[numbers])[0]

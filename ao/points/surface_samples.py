@@ -113,6 +113,16 @@ class SurfaceSamples:
         source = np.arange(starts[-1]) + np.repeat(self.starts[groups] - starts[:-1], counts)
         return self.rearranged(starts, source, self.all_count[groups])
 
+    def resized(self, groups: Int64s, counts: Int64s) -> SurfaceSamples:
+        """The same with so many samples, `counts` (j,), of some `groups` (j,): the last of each over and over."""
+        new_counts = self.counts
+        new_counts[groups] = counts
+        starts = np.concatenate([[0], np.cumsum(new_counts)])
+        rank = np.arange(starts[-1]) - np.repeat(starts[:-1], new_counts)
+        last = np.repeat(self.counts - 1, new_counts)
+        source = np.repeat(self.starts[:-1], new_counts) + np.minimum(rank, last)
+        return self.rearranged(starts, source, self.all_count.copy())
+
     def followed_by(self, others: SurfaceSamples) -> SurfaceSamples:
         """These groups and then the `others`."""
         points = self.points.followed_by(others.points)

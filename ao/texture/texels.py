@@ -84,7 +84,7 @@ class TexelSampler:
         single = coverage.samples(order, by_centre, threads, most=1)
         order = order[morton_order(smooth.positions_at(single.face, single.barycentric, threads))]
         samples, missed = self._place(coverage, order, by_centre)
-        hidden = self._outside.settle(coverage.texels[order], samples, self.prepared.key)
+        samples, hidden = self._outside.settle(coverage.texels[order], samples, self.prepared.key)
         all_inside = bool(hidden.all())
         if hidden.any() and not all_inside:
             seen = np.flatnonzero(~hidden)

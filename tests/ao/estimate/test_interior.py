@@ -12,6 +12,9 @@ from command import succeeded
 from meshes import crumpled as noisy
 
 from obscurance import ao
+from obscurance.ao.estimate.inside import OutsideSampler
+from obscurance.ao.points.points import Points
+from obscurance.ao.points.surface_samples import SurfaceSamples
 from obscurance.raytrace import Mesh, OptionError
 from obscurance.scenes.geometry.polyhedra import icosphere
 
@@ -191,3 +194,28 @@ def test_the_command_reports_them(solids: Mesh, tmp_path: Path) -> None:
     written = json.loads((tmp_path / "r.json").read_text())
     assert written["flagged"]["hidden"] > 100
     assert len(written["flagged_vertices"]["hidden"]) == written["flagged_vertices_at_most"] == 100
+
+
+def test_samples_of_what_is_in_a_solid_in_part_are_even_over_the_rest() -> None:
+    """Squares of which a part is in a solid: the mean of x + y errs by less than that of 16 random places."""
+
+    def draw(sites: np.ndarray, parts: np.ndarray, key: np.uint32) -> tuple[SurfaceSamples, np.ndarray]:
+        random = np.random.default_rng([int(key), *parts])
+        corners = np.array([(0, 0), (0.5, 0.5), (0, 0.5), (0.5, 0)])
+        x, y = ((corners + 0.5 * random.random((len(sites), 4, 2))).reshape(-1, 2) - 0.5).T
+        at = np.float32(np.stack([x, y, 0 * x], -1))
+        starts = 4 * np.arange(len(sites) + 1)
+        points = Points(at, at, np.arange(len(at), dtype=np.uint32), at)
+        faces, normals = np.zeros(len(at), np.int32), np.zeros((len(at), 5), np.float32)
+        return SurfaceSamples(starts, faces, points, normals, np.zeros(len(sites), np.bool_)), np.arange(len(sites))
+
+    sampler = OutsideSampler(draw, lambda samples: samples.points.origins[:, 0] < -0.2)
+    sites = np.arange(2000)
+    samples, hidden = sampler.settle(sites, draw(sites, 0 * sites, np.uint32(1))[0], np.uint32(2))
+    assert not hidden.any()
+    assert samples.points.origins[:, 0].min() >= -0.2
+    assert (samples.counts[samples.all_count] == 16).all()
+    means = np.add.reduceat(samples.points.origins[:, :2].sum(axis=1, dtype=float), samples.starts[:-1])
+    means = (means / samples.counts)[samples.all_count]
+    np.testing.assert_allclose(np.mean(means), 0.15, atol=0.005)
+    assert np.std(means) < 0.75 * np.sqrt((0.7**2 + 1) / 12 / 16)  # of random ones

@@ -29,8 +29,9 @@ TRACED = {
     "terrain": families.terrain,
     "small charts": families.small_charts,
     "charts of two texels": partial(families.small_charts, texels=2.0),
+    "a slab in solids": families.slab_in_solids,
 }
-FEW = "boxes", "grass", "charts of two texels"
+FEW = "boxes", "grass", "charts of two texels", "a slab in solids"
 
 
 def squared(baked, *truths):

@@ -5,6 +5,7 @@ page where that needs no ray, else None. All are for a binary falloff.
 """
 
 import numpy as np
+import trimesh
 from meshes import grid
 from uv_meshes import rectangle
 
@@ -145,3 +146,17 @@ def small_charts(seed, size, texels=0.7):
     uv = np.full((len(mesh.faces), 3, 2), np.nan)
     uv[: len(faces)] = corner[:, None] / across + min(texels / size, 0.65 / across) * UNIT[[0, 1, 2]]
     return mesh, uv, None
+
+
+def slab_in_solids(seed, size, count=25):
+    """The top of a slab, into which boxes reach from above and below, in part into one another."""
+    slab = trimesh.creation.box((2, 2, 0.4))
+    slab.faces = slab.faces[np.argsort(-slab.triangles_center[:, 2], kind="stable")]
+    random = np.random.default_rng(seed)
+    parts = [slab.apply_translation((0, 0, -0.2))]
+    for _ in range(count):
+        solid = trimesh.creation.box(random.uniform(0.1, 0.6, 3))
+        solid.apply_transform(trimesh.transformations.random_rotation_matrix(random.random(3)))
+        parts.append(solid.apply_translation((*random.uniform(-0.9, 0.9, 2), random.normal(scale=0.1))))
+    mesh = joined([(part.vertices, part.faces) for part in parts])
+    return mesh, laid_flat(mesh, 2), None
