@@ -39,7 +39,7 @@ class Discs(NamedTuple):
     """Discs in place of k points, which occlude.
 
     Attributes:
-        mesh: a hexagon about each point.
+        mesh: a convex polygon about each point, in the order of the points: a fan of triangles about its first corner.
         lifts: (k,), how far above its disc the rays of each point start.
         doubts: (k,), errors of w of which rays know nothing: whether discs are above a point, or of its own sheet.
         spacings: (k,), of the points around those at a sheet's border, else 0.
@@ -73,10 +73,11 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
     lifts, doubts, spacings = np.empty((3, len(points)))
     outline.on(threads)(cloud, near, corners, counts, spacings)
     _lift.on(threads)(cloud, (corners, counts), lifts, doubts)
+    # A fan of triangles for each, in the order of the points.
     place = np.argsort(order)
-    vertices = corners[np.arange(CORNERS) < counts[:, None]]
-    firsts = np.cumsum(counts) - counts
-    fans = np.repeat(firsts, counts - 2)
+    counts = counts[place]
+    vertices = corners[place][np.arange(CORNERS) < counts[:, None]]
+    fans = np.repeat(np.cumsum(counts) - counts, counts - 2)
     ahead = np.arange(len(fans)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2) + 1
     faces = np.stack([fans, fans + ahead, fans + ahead + 1], axis=1)
     return Discs(Mesh(vertices, faces, source=source), lifts[place], doubts[place], spacings[place])

@@ -72,7 +72,8 @@ def cloud() -> list[np.ndarray]:
         w = ao.bake_points(None, points, normals, samples=256).w
         shape = discs(points, normals)[0]
         seen = Mesh(shape.vertices, shape.faces, up="z")
-        greys = decode_srgb(np.repeat(w, len(shape.vertices) // count))
+        corners = np.diff(np.unique(shape.faces[:, 0]), append=len(shape.vertices))  # of each disc
+        greys = decode_srgb(np.repeat(w, corners))
         pictures.append(picture(seen, greys, 0.8))
     return pictures
 
