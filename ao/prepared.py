@@ -31,7 +31,6 @@ from .rays.ray_scene import RayScene
 
 if TYPE_CHECKING:
     from .execute.sample_means import SampleMeans
-    from .points.smooth_surface import SurfacePoints
     from .points.surface_samples import SurfaceSamples
 
 
@@ -44,7 +43,6 @@ class Inputs:
     progress: Progress | None = None
     checkpoint: Kept | None = None
     high: Mesh | Any | None = None
-    places: "SurfacePoints | None" = None  # of the vertices on `high`, its faces with an area numbered; None: sought
     groups: tuple[Int64s, Int64s] | None = None
     occluders: Sequence[Mesh | Any] = ()
 

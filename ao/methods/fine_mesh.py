@@ -15,7 +15,7 @@ from ..estimate.estimate import estimate_outside
 from ..estimate.one_ring import Neighbours
 from ..estimate.sites import ONE_PLACE, Sites
 from ..execute.sample_means import SampleMeans
-from ..points.projection import FineMesh, cage_of
+from ..points.projection import FineMesh, PlacedMesh, cage_of
 from ..points.receivers import Flag, Receivers, find_receivers
 from ..points.smooth_surface import PointGroups, SmoothSurface, SurfacePoints
 from ..points.surface_samples import SurfaceSamples
@@ -66,8 +66,8 @@ def _project(prepared: Prepared, coarse: Mesh, vertices: Receivers, inputs: Inpu
     fine = FineMesh(prepared.mesh.source, placement, prepared.receivers, prepared.threads, prepared.progress)
     # One vertex for each point: its place, and the cage's there.
     representative = vertices.first_vertex
-    if inputs.places is not None:
-        face, barycentric = inputs.places
+    if isinstance(coarse, PlacedMesh):
+        face, barycentric = coarse.places
         return SurfacePoints(face[representative], barycentric[representative]), np.zeros(0, np.int64)
     positions = (coarse.vertices[representative] - placement.centre) * placement.scale
     cage = cage_of(prepared.options.cage, coarse, prepared.mesh)

@@ -8,9 +8,9 @@ that both meshes have, it counts as met. Others look for it only if some points 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -27,6 +27,20 @@ from .receivers import Receivers
 from .smooth_surface import SurfacePoints
 
 Groups = tuple[Int64s, Int64s]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PlacedMesh(Mesh):
+    """A mesh that is known to lie on a fine one. Attributes: places: of its vertices (n,) on the fine mesh's faces, as
+    the receivers number them."""
+
+    places: SurfacePoints = field(kw_only=True)
+
+    @classmethod
+    def of(cls, mesh: Mesh, places: SurfacePoints) -> Self:
+        """The mesh with the places of its vertices."""
+        return cls(**{field.name: getattr(mesh, field.name) for field in fields(Mesh)}, places=places)
+
 
 _ROUNDED = 1e-6  # of coordinates, in single precision
 _MOST_HOLES = 64  # that a ray goes through

@@ -152,6 +152,7 @@ def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
     """The inputs with the mesh cut as `--between` asks for, whose w is that of the mesh as it was."""
     from obscurance.ao.baking import VertexArguments
     from obscurance.ao.points.occluders import joined
+    from obscurance.ao.points.projection import PlacedMesh
     from obscurance.ao.refine import refine
 
     from ..asset.refined import refined_asset
@@ -170,12 +171,16 @@ def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
         source = refined_asset(source, refined.cuts)
     mesh = source.mesh if before is inputs.source.mesh else source.split
     fine = joined([before, *inputs.occluders])
-    places = {"high": fine, "occluders": [], "places": refined.places(mesh.faces, len(mesh.vertices))}
-    line = (
-        f"{len(before.vertices):,} vertices became {len(mesh.vertices):,}, between which w errs by {refined.error:.4f}"
+    placed = PlacedMesh.of(mesh, refined.places(mesh.faces, len(mesh.vertices)))
+    became = f"{len(before.vertices):,} vertices became {len(mesh.vertices):,}"
+    return inputs._replace(
+        source=source,
+        chosen=ObjectSelection(placed, np.ones(len(mesh.faces), np.bool_)),
+        fine=fine,
+        occluders=[],
+        arguments={"high": fine, "occluders": []},
+        refined=f"\n{became}, between which w errs by {refined.error:.4f}, as RMS over the surface",
     )
-    chosen = ObjectSelection(mesh, np.ones(len(mesh.faces), np.bool_))
-    return inputs._replace(source=source, chosen=chosen, fine=fine, occluders=[], arguments=places, refined="\n" + line)
 
 
 def _occluders(plan: Plan, mesh: Mesh, chosen: Mesh, walls: Iterable[Asset]) -> list[Mesh]:

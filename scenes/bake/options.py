@@ -49,10 +49,6 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
         Option("preset", Literal[*PRESETS] | None, None, "Options that suit a program, where they apply and are not "
                "given here.", EVERY_BAKE, "output"),
         "tolerance",
-        Option("between", float | None, None, "Also cut faces in two until w interpolated between vertices errs by no "
-               "more, as RMS over the surface; into .glb and .ply.", "vertices batch", "output",
-               excludes=("high", "at", "both_sides", "receive", "cast", "exclude", "occluded_by", "points", "thickness",
-                         "method"), metavar="E"),
         Option("falloff", str, "exponential", "How occlusion fades with distance; not at all (binary: ambient "
                "occlusion); or a table of two columns, distance and what a hit there leaves open, 0 to 1: .csv .txt "
                ".npy.", metavar="exponential|binary|linear|smooth|table:FILE",
@@ -95,6 +91,10 @@ _SECTIONS: dict[str, tuple[Option | str, ...]] = {
     ),
     "Sampling": ("samples", "method", "denoise", "profile", "seed", "threads"),
     "What .glb and .ply show": (
+        Option("between", float | None, None, "Also cut faces in two until w interpolated between vertices errs by no "
+               "more, as RMS over the surface; into .glb and .ply.", "vertices batch",
+               excludes=("high", "at", "both_sides", "receive", "cast", "exclude", "occluded_by", "points", "thickness",
+                         "method"), metavar="E"),
         Option("colors", Literal["rgb", "r", "g", "b", "a"] | None, None, "Write w as vertex colours, COLOR_0 of .glb, "
                "replacing a .ply's own; or into one channel, where the others stay as they are in the input.",
                "vertices batch", "output", metavar="[r|g|b|a]"),

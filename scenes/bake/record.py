@@ -35,6 +35,7 @@ class Record(NamedTuple):
     def of(cls, plan: Plan, mesh: Mesh) -> Self:
         """The record of a bake of the input's mesh."""
         options = plan.changed()
+        options.pop("between", None)  # the mesh is the one that is cut
         if plan.options.up:  # which the ground and normals go by
             options["up"] = plan.options.up
         return cls(options, shape_hash(mesh))

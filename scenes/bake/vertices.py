@@ -125,7 +125,7 @@ def _coarse(plan: Plan, source: Asset, baked: ao.Bake) -> list[str]:
         return [f"{text}: add --method surface"]
     if plan.ending in (".npy", ".npz") or is_raster(plan.mesh):
         return [f"{text}: subdivide them"]
-    cut = "add --between 0.02" if plan.ending == ".ply" else "subdivide them"
+    cut = "add --between 0.02" if plan.ending == ".ply" and plan.options.method == "vertex" else "subdivide them"
     return [f"{text}: {cut}, or bake a texture, {texture} into a .glb"]
 
 

@@ -17,7 +17,7 @@ ORDER = [
     *("ao.mu", "ao.falloff", "ao.profile", "ao.declared", "ao.options", "ao.memory"),
     *("ao.points", "ao.rays", "ao.execute", "ao.estimate", "ao.prepared", "ao.least_squares"),
     *("ao.result", "ao.methods", "ao.texture"),
-    *("ao.interpolation_error", "ao.baking", "ao.unseen", "ao.report", "ao.cluster", "ao.closed_forms"),
+    *("ao.interpolation_error", "ao.baking", "ao.refine", "ao.unseen", "ao.report", "ao.cluster", "ao.closed_forms"),
     *("scenes.json_toml", "scenes.safe_paths", "scenes.geometry", "scenes.asset", "scenes.formats"),
     "scenes.description",
     *("scenes.show", "scenes.library", "scenes.validation", "scenes.bake", "scenes.check", "scenes.commands"),

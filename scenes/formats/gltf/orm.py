@@ -15,8 +15,8 @@ from obscurance.raytrace.image.write import linear_png
 from obscurance.raytrace.types import Float32s, UInt8s, UInt16s
 
 from .asset import Gltf, entry
-from .materials import enlarged
 from .occlusion import OWN, TRANSFORM, OcclusionTextures, sets_of, texture_reference
+from .plain import enlarged
 from .records import WRAP
 from .textures import Textures
 

@@ -166,6 +166,7 @@ TOGETHER = {
         {"high": ["other.obj"], "cage": "200%"},
         {"high": ["other.obj"], "cage": "200%", "match_names": True},
     ),
+    "between": ({"output": "w.ply"}, {"output": "w.ply", "between": 0.02}),
     "colors": ({"output": "w.ply"}, {"output": "w.ply", "colors": "rgb"}),
     "ply_name": ({"output": "w.ply"}, {"output": "w.ply", "ply_name": "quality"}),
     "up": ({"output": "w.ply"}, {"output": "w.ply", "up": "z"}),

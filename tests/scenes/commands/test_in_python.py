@@ -24,6 +24,7 @@ FEW = {"samples": 32, "denoise": False}
 OUTPUTS = {
     *("mesh", "output", "output_dir", "preset", "colors", "ply_name", "occlusion", "replace_occlusion", "format"),
     *("input_format", "quiet", "report", "debug_image", "resume", "dry_run", "options", "part", "cluster", "shared"),
+    "between",
 }
 """Options of the command about files that are read or written, and how it runs."""
 
