@@ -185,16 +185,16 @@ class Asset:
                 faces[part.faces] = checked + part.vertices.start
         if of_corners := self.corner_normals:
             facts["corner_normals"] = of_corners._replace(of=self.triangles.take(of_corners.of))
-        elif any(self.normals):
+        elif any(self._normals):
             gaps = [np.broadcast_to(np.nan, part.primitive.positions.shape) for part in self.parts]
-            each = [column.values if column else gap for column, gap in zip(self.normals, gaps, strict=True)]
+            each = [column.values if column else gap for column, gap in zip(self._normals, gaps, strict=True)]
             facts["normals"] = each[0] if len(each) == 1 else np.concatenate(each)
         mesh = Mesh(vertices, faces, **facts)
         opacity = self._opacity() if self.has_alpha else None
         return replace(mesh, opacity=opacity) if opacity else mesh
 
     @cached_property
-    def normals(self) -> list[Column | None]:
+    def _normals(self) -> list[Column | None]:
         """Normals of each part in the world."""
         placed: list[Column | None] = []
         for part in self.parts:
@@ -209,9 +209,9 @@ class Asset:
     @cached_property
     def corner_normals(self) -> PerCorner | None:
         """Normals by the corners of polygons (c,) where some vertex may have several, or None."""
-        if all(column is None or column.of is None for column in self.normals):
+        if all(column is None or column.of is None for column in self._normals):
             return None
-        return self._joined(self.normals)
+        return self._joined(self._normals)
 
     @cached_property
     def corners(self) -> Int64s:

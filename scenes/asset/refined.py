@@ -9,20 +9,24 @@ from functools import partial
 import numpy as np
 
 from obscurance.ao.refine import Cuts, Halved
+from obscurance.raytrace.mesh.corners import SplitMesh
 from obscurance.raytrace.mesh.normals import normalize
-from obscurance.raytrace.types import AnyInts, Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Int64s
 
 from .asset import Asset, Node, Part
 from .primitive import NORMAL, Array, Column, ColumnSet, Primitive, W
 
 
-def refined_asset(source: Asset, cuts: Sequence[Cuts]) -> Asset:
-    """The asset after cuts of its mesh's faces, of triangles in world space; an earlier bake and what a format stores
-    besides are left out."""
-    each = zip(source.parts, source.normals, cuts_of_parts(source, cuts), strict=True)
-    parts = [_refined(part, source.mesh.vertices[part.vertices], normals, own) for part, normals, own in each]
+def refined_asset(source: Asset, split: SplitMesh, cuts: Sequence[Cuts]) -> Asset:
+    """The asset after cuts of its mesh's faces, of triangles in world space with a vertex for each side of hard edges;
+    an earlier bake and what a format stores besides are left out.
+
+    Args: split: of its mesh. cuts: of the faces of either.
+    """
+    each = zip(source.parts, cuts_of_parts(source, cuts), strict=True)
     nodes = [Node(part.node.name, (number,), None, part.node.body) for number, part in enumerate(source.parts)]
-    return replace(source, primitives=tuple(parts), nodes=tuple(nodes), raw=None)
+    primitives = tuple(_refined(part, split, own) for part, own in each)
+    return replace(source, primitives=primitives, nodes=tuple(nodes), raw=None)
 
 
 def cuts_of_parts(source: Asset, cuts: Sequence[Cuts]) -> list[list[Cuts]]:
@@ -53,26 +57,28 @@ def cut_rows(corners: AnyInts, count: int, cuts: Sequence[Cuts]) -> tuple[Int64s
     return np.asarray(corners, np.int64), extended
 
 
-def _refined(part: Part, positions: Float64s, normals: Column | None, cuts: Sequence[Cuts]) -> Primitive:
-    """A part's primitive after cuts. Args: positions: (n, 3), of its vertices in the world. normals: there, too."""
+def _refined(part: Part, split: SplitMesh, cuts: Sequence[Cuts]) -> Primitive:
+    """A part's primitive after cuts."""
     primitive = part.primitive
-    faces, extended = cut_rows(primitive.faces, len(primitive.positions), cuts)
+    rows, corners = np.unique(split.mesh.faces[part.faces], return_inverse=True)
+    faces, extended = cut_rows(corners.reshape(-1, 3), len(rows), cuts)
     parent = np.arange(len(primitive.faces))
     for cut in cuts:
         parent = np.repeat(parent, cut.pieces)
 
     def column(name: str) -> Column:
-        old = normals if name == NORMAL and normals else primitive.columns[name]
-        rows, extend = faces, extended
-        if old.of is not None:
-            rows, extend = cut_rows(primitive.rows(old), len(old.values), cuts)
-        values = extend(old.values)
-        values = normalize(values) if name == NORMAL else values
-        return old._replace(values=values, of=None if old.of is None else rows.ravel())
+        old = primitive.columns[name]
+        if old.of is None:
+            return old._replace(values=extended(old.values[split.vertices[rows] - part.vertices.start]))
+        of, extend = cut_rows(primitive.rows(old), len(old.values), cuts)
+        return old._replace(values=extend(old.values), of=of.ravel())
 
-    columns = ColumnSet({name: partial(column, name) for name in primitive.columns if not name.startswith(W)})
+    kept = [name for name in primitive.columns if not name.startswith(W) and name != NORMAL]
+    columns = ColumnSet({name: partial(column, name) for name in kept})
+    columns |= {NORMAL: Column(normalize(extended(split.normals[rows])))}
     of_faces = {
         name: None if numbers is None else primitive.of_faces(numbers)[parent]
         for name, numbers in (("material", primitive.material), ("object", primitive.object))
     }
-    return Primitive.of(extended(positions), faces.ravel(), columns=columns, name=primitive.name, **of_faces)
+    positions = extended(split.mesh.vertices[rows])
+    return Primitive.of(positions, faces.ravel(), columns=columns, name=primitive.name, **of_faces)

@@ -154,30 +154,31 @@ def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
     from obscurance.ao.points.occluders import joined
     from obscurance.ao.points.projection import PlacedMesh
     from obscurance.ao.refine import refine
+    from obscurance.raytrace.mesh.corners import split_creases
 
     from ..asset.refined import refined_asset
     from ..formats.gltf.refined import check_no_skin, refined_glb
 
     check_no_skin(inputs.source)
-    options, source, before = plan.options, inputs.source, inputs.chosen.mesh
+    options, source = plan.options, inputs.source
+    split = split_creases(source.mesh)  # where each side of hard edges is to have its w
+    before = source.mesh if source.is_scene else split.mesh
     with progress(options.quiet, "cutting", form=options.progress):
         arguments = VertexArguments.of(plan.arguments, before, occluders=inputs.occluders, threads=options.threads)
         refined = refine(arguments, options.between)
-    if refined.cuts and source.is_scene:
+    if not source.is_scene:
+        source = refined_asset(source, split, refined.cuts)
+    elif refined.cuts:
         document = refined_glb(source, refined.cuts)
         name = source.path.with_suffix(".glb")
         source = load(name, plan.output, document, options.alpha == "auto", options.up)
-    elif refined.cuts:
-        source = refined_asset(source, refined.cuts)
-    mesh = source.mesh if before is inputs.source.mesh else source.split
+    mesh = source.mesh
     fine = joined([before, *inputs.occluders])
     placed = PlacedMesh.of(mesh, refined.places(mesh.faces, len(mesh.vertices)))
-    became = f"{len(before.vertices):,} vertices became {len(mesh.vertices):,}"
+    became = f"{len(inputs.source.mesh.vertices):,} vertices became {len(mesh.vertices):,}"
     return inputs._replace(
         source=source,
         chosen=ObjectSelection(placed, np.ones(len(mesh.faces), np.bool_)),
-        fine=fine,
-        occluders=[],
         arguments={"high": fine, "occluders": []},
         refined=f"\n{became}, between which w errs by {refined.error:.4f}, as RMS over the surface",
     )
