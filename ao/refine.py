@@ -18,6 +18,7 @@ from obscurance.raytrace.mesh.mesh import mesh_of
 from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.mesh.weld import first_alike
 from obscurance.raytrace.sampling import derive, hash32_array
+from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import AnyInts, Bools, Float64s, Int64s
 
 from .baking import VertexArguments
@@ -33,6 +34,7 @@ _PROBES = 1 << 13  # at the start, by area
 _FEWEST = 2  # probes of a face
 _AT_ONCE = 0.7  # of the squared error that is too much is taken away in a round, before it is looked at again
 _SAFE = 0.9  # of the squared error asked for, that faces are cut down to
+_FACE_BYTES = 1000  # of all arrays while faces are cut, a face
 _MOST_VERTICES = 1 << 22
 
 
@@ -164,6 +166,7 @@ class Refinement:
 
     def errors(self) -> Float64s:
         """The integral of the squared error of w over each face (m,), from probes, of which each gets a few."""
+        check_memory(self.prepared.mesh.source, _FACE_BYTES * len(self.faces), f"to cut {len(self.faces):,} faces")
         lacking = np.maximum(_FEWEST - np.bincount(self.probes.face, minlength=len(self.faces)), 0)
         self.probes = self.probes.followed_by(self.draw(np.where(self.areas > 0, lacking, 0)))
         face = self.probes.face
@@ -274,7 +277,7 @@ def refine(arguments: VertexArguments, error: float) -> Refined:
 
     Args: arguments: of the bake, whose first falloff counts.
 
-    Raises: as `ao.bake`; OptionError: it would take more than 4,194,304 vertices.
+    Raises: as `ao.bake`; MemoryLimitError; OptionError: it would take more than 4,194,304 vertices.
     """
     refinement = Refinement(arguments)
     made: list[Cuts] = []
