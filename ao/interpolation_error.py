@@ -10,7 +10,7 @@ import numpy as np
 from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.ray_origins.origins import ray_offset
 from obscurance.raytrace.ray_origins.surface import Surface
-from obscurance.raytrace.sampling import derive, hash32_array
+from obscurance.raytrace.sampling import derive, hash32_array, in_triangle
 from obscurance.raytrace.types import AnyInts, Bools, Float32s, Float64s, Int64s
 
 from .estimate.inside import inside_solids
@@ -134,8 +134,7 @@ def _spread(areas: Float64s, key: np.uint32) -> tuple[Int64s, Float32s]:
     total = np.cumsum(areas)
     share, u, v = np.ldexp(hash32_array(hash32_array(np.arange(3 * _POINTS)) ^ key), -32).reshape(3, -1)
     face = np.searchsorted(total, (np.arange(_POINTS) + share) / _POINTS * total[-1], "right").clip(0, len(areas) - 1)
-    root = np.sqrt(u)
-    return face, np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
+    return face, in_triangle(u, v).astype(np.float32)
 
 
 def _on_faces(corners: Float64s, backwards: Bools, axes: VertexAxes, weights: Float32s) -> tuple[Points, LocatedPoints]:

@@ -17,7 +17,7 @@ from obscurance.raytrace.errors import OptionError
 from obscurance.raytrace.mesh.mesh import mesh_of
 from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.mesh.weld import first_alike
-from obscurance.raytrace.sampling import derive, hash32_array
+from obscurance.raytrace.sampling import derive, hash32_array, in_triangle
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import AnyInts, Bools, Float64s, Int64s
 
@@ -29,8 +29,8 @@ from .points.surface_samples import SurfaceSamples
 from .prepared import Prepared
 from .rays.gather import W
 
-_RAYS = 128  # of a vertex, and of each of two estimates at a probe
-_PROBES = 1 << 13  # at the start, by area
+_RAYS = 128  # of each of two estimates, at vertices and probes
+_PROBES = 1 << 13  # of a measurement, by area
 _FEWEST = 2  # probes of a face
 _AT_ONCE = 0.7  # of the squared error that is too much is taken away in a round, before it is looked at again
 _SAFE = 0.9  # of the squared error asked for, that faces are cut down to
@@ -161,6 +161,7 @@ class Refinement:
         self.keys = 0
         self.w = np.zeros((0, 2))
         self._trace_vertices()
+        self.area_outside = self.areas.sum()  # of solids, as far as it was measured
         nothing = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 2))
         self.probes = Probes(*nothing)
 
@@ -174,14 +175,13 @@ class Refinement:
         return np.asarray(self.areas * sums / np.maximum(np.bincount(face, minlength=len(self.faces)), 1))
 
     def measure(self) -> float:
-        """The mean squared error of w over the area, from probes that have decided nothing, and decide from now on."""
-        fresh = self.draw(self._by_area())
+        """The mean squared error of w over the area outside of solids, from probes that have decided nothing, and
+        decide from now on."""
+        fresh = self.draw(_PROBES * self.areas / self.areas.sum())
         self.probes = self.probes.followed_by(fresh)
-        return float(self._squares(fresh).mean())
-
-    def _by_area(self) -> Float64s:
-        """How many probes (m,) each face has of some that are spread evenly over all that count."""
-        return np.asarray(_PROBES * self.areas / self.areas.sum())
+        outside = max(np.count_nonzero(~np.isnan(fresh.estimates[:, 0])), 1)
+        self.area_outside = self.areas.sum() * outside / max(len(fresh.face), 1)
+        return float(self._squares(fresh).sum() / outside)
 
     def _squares(self, probes: Probes) -> Float64s:
         """Squared errors (k,) of interpolated w at probes, without bias, 0 where nothing is outside of solids."""
@@ -249,8 +249,7 @@ class Refinement:
         chance = np.ldexp(hash32_array(np.arange(len(counts)) ^ key), -32)
         face = np.repeat(np.arange(len(counts)), np.floor(counts + chance).astype(np.int64))
         u, v = np.ldexp(hash32_array(hash32_array(np.arange(2 * len(face))) ^ key), -32).reshape(2, -1)
-        root = np.sqrt(u)
-        weights = np.stack([1 - root, root * (1 - v), root * v], axis=-1)
+        weights = in_triangle(u, v)
         places = np.einsum("kc,kcb->kb", weights, self.corners[face])
         on_faces = SurfacePoints(self.row[self.own[face]].astype(np.int32), places.astype(np.float32))
         return Probes(face, weights, self._trace(on_faces))
@@ -282,7 +281,7 @@ def refine(arguments: VertexArguments, error: float) -> Refined:
     refinement = Refinement(arguments)
     made: list[Cuts] = []
     while (measured := refinement.measure()) > error**2:
-        allowed = _SAFE * error**2 * refinement.areas.sum()
+        allowed = _SAFE * error**2 * refinement.area_outside
         while (too_much := np.sum(errors := refinement.errors()) - allowed) > 0:
             largest = np.argsort(-errors)
             enough = np.searchsorted(np.cumsum(errors[largest]), _AT_ONCE * too_much) + 1

@@ -7,7 +7,7 @@ import numpy as np
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import face_areas
-from obscurance.raytrace.sampling import derive, hash32_array
+from obscurance.raytrace.sampling import derive, hash32_array, in_triangle
 from obscurance.raytrace.types import AnyInts, Float32s, Float64s, Int64s, UInt32s
 
 from ..estimate.estimate import estimate_outside
@@ -145,8 +145,7 @@ def _uniform(numbers: UInt32s, key: np.uint32) -> Float32s:
     """Barycentric coordinates (…, 3) of points that are uniform in a triangle."""
     random = hash32_array(numbers) ^ key
     u, v = np.ldexp(hash32_array(np.stack([random, ~random])), -32)
-    root = np.sqrt(u)
-    return np.stack([1 - root, root * (1 - v), root * v], axis=-1).astype(np.float32)
+    return in_triangle(u, v).astype(np.float32)
 
 
 def _neighbours(corners: AnyInts, normals: Float32s, threads: int) -> Neighbours:

@@ -161,12 +161,12 @@ def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
 
     check_no_skin(inputs.source)
     options, source = plan.options, inputs.source
-    split = split_creases(source.mesh)  # where each side of hard edges is to have its w
-    before = source.mesh if source.is_scene else split.mesh
+    split = None if source.is_scene else split_creases(source.mesh)  # each side of hard edges is to have its w
+    before = split.mesh if split else source.mesh
     with progress(options.quiet, "cutting", form=options.progress):
         arguments = VertexArguments.of(plan.arguments, before, occluders=inputs.occluders, threads=options.threads)
         refined = refine(arguments, options.between)
-    if not source.is_scene:
+    if split:
         source = refined_asset(source, split, refined.cuts)
     elif refined.cuts:
         document = refined_glb(source, refined.cuts)
