@@ -199,7 +199,8 @@ class Refinement:
         of_corners = Halved.of(np.arange(self.faces.size).reshape(-1, 3), self.faces.size, cuts)
         self.corners = of_corners.extended(self.corners.reshape(-1, 3))[of_corners.corners]
         self.positions = halved.extended(self.positions)
-        self.faces, self.own = halved.corners, np.repeat(self.own, cuts.pieces)
+        self.faces = halved.corners
+        self.own = np.repeat(self.own, cuts.pieces)
         self.areas = np.where(np.repeat(self.areas, cuts.pieces) > 0, face_areas(self.positions, self.faces), 0.0)
         self._trace_vertices()
         # The probes of faces that are whole stay.
