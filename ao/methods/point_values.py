@@ -86,7 +86,8 @@ def bake_points(
     axes = normalize(np.nan_to_num(axes))
     usable = np.flatnonzero(axes.any(axis=1))
     # What occludes: the mesh, or discs in place of the points.
-    lifts, doubts = np.zeros((2, len(places)))
+    lifts = np.zeros(places.shape)
+    doubts = np.zeros(len(places))
     spacings = np.zeros(len(usable))
     if mesh is None:
         mesh, lifts[usable], doubts[usable], spacings = discs(places[usable], axes[usable], threads=threads)
@@ -134,10 +135,14 @@ def _points_at(prepared: Prepared, points: Float64s, axes: Float64s, lifts: Floa
     """Origins of rays above the points, in render space."""
     placed = _in_render_space(prepared, points)
     vertices, receivers = prepared.placement.vertices.astype(np.float64), prepared.receivers
-    directions, clearance, magnitude = axes, np.ones(len(points)), np.abs(placed).max(axis=1)
-    if not lifts.any():  # else each lies on its own disc
+    if lifts.any():  # each lies on its own disc
+        directions = normalize(lifts)
+        magnitude = np.abs(placed).max(axis=1)
+        clearance = np.einsum("kc,kc->k", directions, axes)
+    else:
         surface = Surface.of(vertices, receivers.faces, receivers.backwards)
         directions, clearance, magnitude = directions_in_front(placed, axes, receivers.hierarchy.tree, surface)
-    offset = np.maximum(ray_offset(directions, magnitude, clearance), lifts * prepared.placement.scale)
+    lengths = np.linalg.norm(lifts, axis=1) * prepared.placement.scale
+    offset = np.maximum(ray_offset(directions, magnitude, clearance), lengths)
     origins = placed + offset[:, None] * directions
     return Points.lifted(placed, origins, axes)

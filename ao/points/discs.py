@@ -13,19 +13,21 @@ from scipy.spatial import cKDTree
 
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.kernel.jit import inline
-from obscurance.raytrace.kernel.vector import add, cross, dot, length, load, scale, subtract
+from obscurance.raytrace.kernel.vector import add, cross, dot, length, load, scale, store, subtract
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import normalize
 from obscurance.raytrace.system.parallel import each
 from obscurance.raytrace.system.threads import thread_count
-from obscurance.raytrace.types import Float64Grid, Float64s, Int64s
+from obscurance.raytrace.types import Float64Grid, Float64Rows, Float64s, Int64s
 
 from ..mu import Mu
 from .outlines import CORNERS, outline
 from .sheets import FLAT, NEAR, NEIGHBOURS, Cloud, beside, tell_sheets
 
 _LIFT = 0.5  # of a disc's radius, from which rays of its point start at most: neighbours' discs are below that
+_AT_EDGE = 0.15  # the same from a concave edge, near which w changes with the distance from it
+_BESIDE_WALL = 2.0  # of the larger disc's radius, within which a disc rises from a point in its plane
 _PARALLEL = 0.8  # cosine between normals of a sheet and of one above it, at least
 _DOUBT = 0.5  # error of w where it is open whether a disc is above the point
 _INNER = 0.86  # of a disc's radius, within which the hexagon is in every direction
@@ -40,7 +42,8 @@ class Discs(NamedTuple):
 
     Attributes:
         mesh: a convex polygon about each point, in the order of the points: a fan of triangles about its first corner.
-        lifts: (k,), how far above its disc the rays of each point start.
+        lifts: (k, 3), from each point to where its rays start: above its disc, and at a concave edge in front of the
+            sheet on the other side, too.
         doubts: (k,), errors of w of which rays know nothing: whether discs are above a point, or of its own sheet.
         spacings: (k,), of the points around those at a sheet's border, else 0.
     """
@@ -70,7 +73,8 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
     tell_sheets.on(threads)(cloud, near, distances)
     corners = np.empty((len(points), CORNERS, 3))
     counts = np.empty(len(points), np.int64)
-    lifts, doubts, spacings = np.empty((3, len(points)))
+    lifts = np.empty((len(points), 3))
+    doubts, spacings = np.empty((2, len(points)))
     outline.on(threads)(cloud, near, corners, counts, spacings)
     _lift.on(threads)(cloud, (corners, counts), lifts, doubts)
     # A fan of triangles for each, in the order of the points.
@@ -112,26 +116,33 @@ def border_errors(points: Float64s, axes: Float64s, spacings: Float64s, mu: Mu, 
 
 
 @each("lifts")
-def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Float64s, doubts: Float64s) -> None:
+def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Float64Rows, doubts: Float64s) -> None:
     """Write `Discs.lifts` and `doubts`: rays start above the discs of the own sheet, which overlap, and half the way to
-    the first disc of another one above."""
+    the first disc of another one above. On a concave edge they start between both sheets."""
     p = load(cloud.points, i)
+    axis = load(cloud.axes, i)
     radius = cloud.radius[i]
     first, rough, highest = np.inf, 0.0, 0.0
     is_beside_hole = is_covered = False
+    walls = 0.0, 0.0, 0.0  # the sum of the normals of sheets that rise from the point
     for j in range(cloud.near.shape[1]):
         facing, above, along = beside(cloud, i, j)
+        near = cloud.near[i, j]
+        there = load(cloud.axes, near)
+        if _rises_from(cloud, i, j):
+            walls = add(walls, there)
+            is_covered = True
+            continue
         height = along / facing if facing != 0.0 else 0.0  # of the disc's plane over the point
         if height <= 0.0:
             continue
-        near = cloud.near[i, j]
-        reach = cloud.radius[near]
         if not cloud.of_sheet[i, j] and above <= 0.0:
             continue
         centre = load(cloud.points, near)
-        offset = subtract(add(p, scale(height, load(cloud.axes, i))), centre)
+        reach = cloud.radius[near]
+        offset = subtract(add(p, scale(height, axis)), centre)
         aside = length(offset)
-        is_below = aside <= reach and _is_in(outlines, near, add(centre, scale(_INNER, offset)), load(cloud.axes, near))
+        is_below = aside <= reach and _is_in(outlines, near, add(centre, scale(_INNER, offset)), there)
         if cloud.of_sheet[i, j]:
             if is_below:
                 highest = max(highest, height)
@@ -143,12 +154,29 @@ def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Flo
                 is_covered |= aside <= _INNER * reach
             if abs(facing) > _PARALLEL and height < radius and aside <= 2.0 * reach:
                 is_beside_hole = True
-    lifts[i] = _LIFT * min(radius, first)
+    lift = scale(_LIFT * min(radius, first), axis)
+    if length(walls) > 0.0:
+        between = add(axis, scale(1.0 / length(walls), walls))
+        lift = scale(min(_AT_EDGE * radius, _LIFT * first) / length(between), between)
+    store(lifts, i, lift)
+    height = dot(lift, axis)
     is_hole = is_beside_hole and not is_covered  # of a sheet just above
-    if highest >= lifts[i]:
+    if highest >= height:
         doubts[i] = _CLOSED
     else:
-        doubts[i] = _DOUBT if is_hole else _DOUBT * (rough / lifts[i]) ** 3
+        doubts[i] = _DOUBT if is_hole else _DOUBT * (rough / height) ** 3
+
+
+@inline
+def _rises_from(cloud, i, j):
+    """Whether the j-th disc near point i is of another sheet, in whose plane the point lies, on a concave edge."""
+    _, above, along = beside(cloud, i, j)
+    near = cloud.near[i, j]
+    level = FLAT * cloud.radius[i]
+    if cloud.of_sheet[i, j] or above <= level or abs(along) > level:
+        return False
+    distance = length(subtract(load(cloud.points, near), load(cloud.points, i)))
+    return distance <= _BESIDE_WALL * max(cloud.radius[i], cloud.radius[near])
 
 
 @inline

@@ -65,8 +65,9 @@ def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts:
         x = dot(load(cloud.axes, near[i, j]), u)
         y = dot(load(cloud.axes, near[i, j]), v)
         size = np.sqrt(x * x + y * y)
-        is_across = above * along < 0.0 or min(abs(above), abs(along)) < FLAT * radius
-        if is_across and above != along and abs(along) < _CROSSED * radius * size:
+        level = FLAT * radius
+        is_across = above * along < 0.0 or min(abs(above), abs(along)) < level
+        if is_across and abs(above - along) > level and abs(along) < _CROSSED * radius * size:
             side = 1.0 if above < along else -1.0  # of a convex edge, or of a crease
             crossings[crossing, 0] = side * x / size
             crossings[crossing, 1] = side * y / size

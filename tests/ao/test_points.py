@@ -196,6 +196,35 @@ def test_discs_end_at_convex_edges(is_grid):
 
 
 @pytest.mark.parametrize("is_grid", [True, False])
+def test_points_on_concave_edges_see_the_side_that_their_sheets_face(is_grid):
+    """A box of any size and orientation from within, with points on its edges and corners."""
+    corners = np.array(list(np.ndindex(2, 2, 2)))
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    inwards = quads[:, [[0, 2, 1], [0, 3, 2]]].reshape(-1, 3)[:, ::-1]
+    errors = []
+    for seed in range(3):
+        random = np.random.default_rng(seed)
+        size, turn = random.uniform(0.7, 1.4, 3), np.linalg.qr(random.normal(size=(3, 3)))[0]
+        size[0] *= np.linalg.det(turn)  # a reflected box would be seen from outside
+        local, normals = [], []
+        for axis, side in np.ndindex(3, 2):
+            face = random.uniform(0, 1, (500, 2))
+            face[np.arange(80), np.arange(80) % 2] = np.arange(80) // 40
+            if is_grid:
+                face = np.array(list(np.ndindex(19, 19))) / 18
+            local.append(np.insert(face, axis, side, axis=1))
+            normals.append(np.tile((1 - 2 * side) * turn[axis] * np.sign(size[axis]), (len(face), 1)))
+        local, normals = np.concatenate(local), np.concatenate(normals)
+        on_edge = np.flatnonzero(np.sum((local == 0) | (local == 1), axis=1) > 1)
+        points = local * size @ turn
+        within = (0.5 + (local[on_edge] - 0.5) * 0.9999) * size @ turn
+        mesh = Mesh(corners * size @ turn, inwards)
+        exact = ao.bake_points(mesh, within, normals[on_edge], falloff=NEAR, samples=256).w
+        errors.append(ao.bake_points(None, points, normals, falloff=NEAR, samples=64).w[on_edge] - exact)
+    assert np.sqrt(np.mean(np.concatenate(errors) ** 2)) < (0.03 if is_grid else 0.08)  # those at random leave holes
+
+
+@pytest.mark.parametrize("is_grid", [True, False])
 @pytest.mark.parametrize("height", [2, 4])
 def test_discs_end_at_borders_of_sheets(height, is_grid):
     """A floor below half a sheet, heights in spacings of the points, against the mesh of both."""
@@ -230,5 +259,5 @@ def test_the_disc_of_a_point_with_another_normal_than_all_around_is_no_larger():
     places = scattered(np.random.default_rng(6), 40, True)
     points, normals = np.append(places, np.zeros((1600, 1)), axis=1), np.tile([0, 0, 1.0], (1600, 1))
     normals[820] *= -1
-    lifts = discs(points, normals).lifts  # half of the radii
+    lifts = np.linalg.norm(discs(points, normals).lifts, axis=1)  # half of the radii
     assert lifts[820] == pytest.approx(lifts[700], rel=0.01)
