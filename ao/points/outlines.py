@@ -45,35 +45,8 @@ def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts:
     # The sheet's points in the plane of the disc, and where planes of others cross it.
     sheet = np.zeros((NEAR + 1, 2))
     crossings = np.empty((NEAR, 3))
-    of_sheet, crossing = 1, 0
-    reach, sixths = 0.0, 0
-    for j in range(near.shape[1]):
-        there = load(cloud.points, near[i, j])
-        between = subtract(there, p)
-        reach = max(reach, dot(between, between))
-        if cloud.of_sheet[i, j]:
-            x = dot(between, u)
-            y = dot(between, v)
-            if x * x + y * y > (_AROUND * radius) ** 2:
-                a = np.sqrt(3.0) * x
-                sixths |= 1 << (4 * (y > 0.0) + 2 * (a > y) + (a > -y))
-            sheet[of_sheet, 0] = x
-            sheet[of_sheet, 1] = y
-            of_sheet += 1
-            continue
-        _, above, along = beside(cloud, i, j)
-        x = dot(load(cloud.axes, near[i, j]), u)
-        y = dot(load(cloud.axes, near[i, j]), v)
-        size = np.sqrt(x * x + y * y)
-        level = FLAT * radius
-        is_across = above * along < 0.0 or min(abs(above), abs(along)) < level
-        if is_across and abs(above - along) > level and abs(along) < _CROSSED * radius * size:
-            side = 1.0 if above < along else -1.0  # of a convex edge, or of a crease
-            crossings[crossing, 0] = side * x / size
-            crossings[crossing, 1] = side * y / size
-            crossings[crossing, 2] = along / size if side > 0.0 else -1.0
-            crossing += 1
-    reach = np.sqrt(reach)
+    of_sheet, reach, is_all_around = _find_sheet(cloud, i, sheet)
+    crossing = _find_crossings(cloud, i, crossings)
     # Convex edges.
     for j in range(crossing):
         x, y, offset = crossings[j, 0], crossings[j, 1], crossings[j, 2]
@@ -82,13 +55,61 @@ def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts:
                 offset = max(offset, x * sheet[k, 0] + y * sheet[k, 1])
             count = _cut(outlines, count, x, y, offset)
     spacings[i] = 0.0
-    if sixths != _ALL_SIXTHS:
+    if not is_all_around:
         others = (crossings, crossing)
-        count, spacings[i] = _cut_at_borders(cloud, i, (sheet, of_sheet), others, (outlines, count, np.sqrt(reach)))
+        count, spacings[i] = _cut_at_borders(cloud, i, (sheet, of_sheet), others, (outlines, count, reach))
     counts[i] = count
     for k in range(count):
         corner = add(p, add(scale(outlines[0, k, 0], u), scale(outlines[0, k, 1], v)))
         corners[i, k, 0], corners[i, k, 1], corners[i, k, 2] = corner
+
+
+@inline
+def _find_sheet(cloud, i, sheet):
+    """Write the points of the sheet of point i in the plane of its disc, from the second row on. Returns how many there
+    are with the point itself, how far the farthest of all near points is, and whether some are in every sixth around.
+    """
+    u, v = tangents(load(cloud.axes, i))
+    of_sheet, square, sixths = 1, 0.0, 0
+    for j in range(cloud.near.shape[1]):
+        between = subtract(load(cloud.points, cloud.near[i, j]), load(cloud.points, i))
+        square = max(square, dot(between, between))
+        if not cloud.of_sheet[i, j]:
+            continue
+        x = dot(between, u)
+        y = dot(between, v)
+        if x * x + y * y > (_AROUND * cloud.radius[i]) ** 2:
+            a = np.sqrt(3.0) * x
+            sixths |= 1 << (4 * (y > 0.0) + 2 * (a > y) + (a > -y))
+        sheet[of_sheet, 0] = x
+        sheet[of_sheet, 1] = y
+        of_sheet += 1
+    return of_sheet, np.sqrt(square), sixths == _ALL_SIXTHS
+
+
+@inline
+def _find_crossings(cloud, i, crossings):
+    """Write where planes of other sheets cross that of disc i: the unit direction across, and how far from its centre,
+    at a concave edge −1. Returns how many."""
+    u, v = tangents(load(cloud.axes, i))
+    radius = cloud.radius[i]
+    level = FLAT * radius
+    crossing = 0
+    for j in range(cloud.near.shape[1]):
+        if cloud.of_sheet[i, j]:
+            continue
+        _, above, along = beside(cloud, i, j)
+        x = dot(load(cloud.axes, cloud.near[i, j]), u)
+        y = dot(load(cloud.axes, cloud.near[i, j]), v)
+        size = np.sqrt(x * x + y * y)
+        is_across = above * along < 0.0 or min(abs(above), abs(along)) < level
+        if is_across and abs(above - along) > level and abs(along) < _CROSSED * radius * size:
+            side = 1.0 if above < along else -1.0  # of a convex edge, or of a crease
+            crossings[crossing, 0] = side * x / size
+            crossings[crossing, 1] = side * y / size
+            crossings[crossing, 2] = along / size if side > 0.0 else -1.0
+            crossing += 1
+    return crossing
 
 
 @inline

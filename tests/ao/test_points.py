@@ -246,6 +246,20 @@ def test_discs_end_at_borders_of_sheets(height, is_grid):
     assert true < 1.3 * reported + 0.01
 
 
+@pytest.mark.parametrize("scale", [2.0**-12, 2.0**12])
+def test_discs_do_not_depend_on_the_unit(scale):
+    random = np.random.default_rng(8)
+    floor = np.append(scattered(random, 30, False), np.zeros((900, 1)), axis=1)
+    points = np.concatenate([floor, floor @ [[0.5, 0, 0.1], [0, 1, 0], [-0.1, 0, 0.5]] + [0, 0, 0.1]])
+    normals = np.repeat([[0, 0, 1.0], [-0.2, 0, 1.0]], 900, axis=0)
+    plain, scaled = discs(points, normals), discs(scale * points, normals)
+    assert np.count_nonzero(plain.spacings) > 50  # at borders
+    assert (scaled.mesh.faces == plain.mesh.faces).all()
+    assert scaled.mesh.vertices == pytest.approx(scale * plain.mesh.vertices, rel=1e-9, abs=1e-9 * scale)
+    assert scaled.lifts == pytest.approx(scale * plain.lifts, rel=1e-9, abs=1e-9 * scale)
+    assert scaled.doubts == pytest.approx(plain.doubts, abs=1e-6)
+
+
 def test_a_cloud_in_doubt_misses_its_tolerance_and_says_why():
     random = np.random.default_rng(5)
     points = np.append(random.uniform(0, 1, (2500, 2)), 0.006 * random.normal(size=(2500, 1)), axis=1)
