@@ -83,20 +83,22 @@ def bake_points(
         raise OptionError("normals", f"shape {places.shape}, as points have", axes.shape)
     if not np.isfinite(places).all() or not len(places):
         raise MeshError("points", "points", "finite coordinates of at least one", "none, or others")
+    count = len(places)
     axes = normalize(np.nan_to_num(axes))
+    # Those with an axis; what occludes, the mesh, or discs in place of them.
     usable = np.flatnonzero(axes.any(axis=1))
-    # What occludes: the mesh, or discs in place of the points.
+    places = places[usable]
+    axes = axes[usable]
+    cloud = discs(places, axes, threads=threads) if mesh is None else None
+    solid = mesh_of(mesh, "bake_points") if cloud is None else cloud.mesh
+    prepared = Prepared.of(solid, checked, progress, None, [mesh_of(occluder, "occluders") for occluder in occluders])
     lifts = np.zeros(places.shape)
     doubts = np.zeros(len(places))
-    spacings = np.zeros(len(usable))
-    if mesh is None:
-        mesh, lifts[usable], doubts[usable], spacings = discs(places[usable], axes[usable], threads=threads)
-    solid = mesh_of(mesh, "bake_points")
-    prepared = Prepared.of(solid, checked, progress, None, [mesh_of(occluder, "occluders") for occluder in occluders])
-    at_borders = border_errors(places[usable], axes[usable], spacings, prepared.mu, threads)
-    doubts[usable] = np.hypot(doubts[usable], at_borders)
-    # The points with an axis, along a curve that keeps neighbours together, and those near each.
-    order = usable[morton_order(_in_render_space(prepared, places[usable]).astype(np.float32))]
+    if cloud:
+        lifts = cloud.lifts
+        doubts = np.hypot(cloud.doubts, border_errors(places, axes, cloud.spacings, prepared.mu, threads))
+    # Along a curve that keeps neighbours together, with those near each.
+    order = morton_order(_in_render_space(prepared, places).astype(np.float32))
     baked = _points_at(prepared, places[order], axes[order], lifts[order])
     tracer = prepared.tracer(len(order))
     near = cKDTree(places[order]).query(places[order], min(NEIGHBOURS + 1, len(order)), workers=prepared.threads)[1]
@@ -105,14 +107,14 @@ def bake_points(
     sites = Sites.alike(baked, links, ONE_PLACE)
     # Their estimates, in the order of the arguments.
     values = PointValues.of(estimate(tracer, sites, checked), 0, tracer.rays, doubts[order])
-    row = np.full(len(places), -1)
-    row[order] = np.arange(len(order))
+    row = np.full(count, -1)
+    row[usable[order]] = np.arange(len(order))
     flags: UInt8s = np.where(row < 0, Flag.DEGENERATE, 0).astype(np.uint8)
-    result = assemble(prepared, solid, BakedElements(row, flags, baked.normals, len(places)), values)
+    result = assemble(prepared, solid, BakedElements(row, flags, baked.normals, count), values)
     seconds = {"build": prepared.receivers.tree_seconds, "bake": time.perf_counter() - start}
     lines = shortfalls(checked, result.rmses, values.samples, "point", solid, prepared.placement.vertices)
     if lines and (in_doubt := np.count_nonzero(doubts > result.rmse)):
-        where = f"{in_doubt:,} of {len(places):,} points"
+        where = f"{in_doubt:,} of {count:,} points"
         lines += (f"discs may be above {where}, or beside: noise, holes of a sheet, or its border",)
     return replace(result, at="points", seconds=seconds, shortfalls=lines)
 
