@@ -96,7 +96,7 @@ def bake_points(
     doubts = np.zeros(len(places))
     if cloud:
         lifts = cloud.lifts
-        doubts = np.hypot(cloud.doubts, border_errors(places, axes, cloud.spacings, prepared.mu, threads))
+        doubts = np.hypot(cloud.doubts, border_errors(places, axes, cloud.borders, prepared.mu, threads))
     # Along a curve that keeps neighbours together, with those near each.
     order = morton_order(_in_render_space(prepared, places).astype(np.float32))
     baked = _points_at(prepared, places[order], axes[order], lifts[order])

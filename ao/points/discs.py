@@ -26,13 +26,15 @@ from .outlines import CORNERS, outline
 from .sheets import FLAT, NEAR, NEIGHBOURS, Cloud, beside, tell_sheets
 
 _LIFT = 0.5  # of a disc's radius, from which rays of its point start at most: neighbours' discs are below that
-_AT_EDGE = 0.15  # the same from a concave edge, near which w changes with the distance from it
+_LEAST = 0.1  # the same at least
+_CLEAR = 5.0  # times the height of the highest of these over the point, between both
 _BESIDE_WALL = 2.0  # of the larger disc's radius, within which a disc rises from a point in its plane
 _PARALLEL = 0.8  # cosine between normals of a sheet and of one above it, at least
+_ONE_SIDED = 0.5  # mean of unit vectors to points beyond a border, at least; beyond a straight one 2 / π
 _DOUBT = 0.5  # error of w where it is open whether a disc is above the point
 _INNER = 0.86  # of a disc's radius, within which the hexagon is in every direction
 _CLOSED = 0.7  # the same where a disc of the own sheet is above the rays' origin
-_UNKNOWN = 0.5  # of a spacing, by which it is open where the border lies: on the outermost points, or up to one beyond
+_UNKNOWN = 0.45  # of a spacing, by which borders err: they lie on the outermost points, or up to one beyond
 _POINTS = 16  # of borders, at most, that count for a point
 _FARTHEST = 24.0  # spacings, up to which they do
 
@@ -45,13 +47,13 @@ class Discs(NamedTuple):
         lifts: (k, 3), from each point to where its rays start: above its disc, and at a concave edge in front of the
             sheet on the other side, too.
         doubts: (k,), errors of w of which rays know nothing: whether discs are above a point, or of its own sheet.
-        spacings: (k,), of the points around those at a sheet's border, else 0.
+        borders: (k, 3), at the outermost points of a sheet outwards, as long as the spacing of the points, else 0.
     """
 
     mesh: Mesh
     lifts: Float64s
     doubts: Float64s
-    spacings: Float64s
+    borders: Float64s
 
 
 def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int | None = None) -> Discs:
@@ -74,8 +76,9 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
     corners = np.empty((len(points), CORNERS, 3))
     counts = np.empty(len(points), np.int64)
     lifts = np.empty((len(points), 3))
-    doubts, spacings = np.empty((2, len(points)))
-    outline.on(threads)(cloud, near, corners, counts, spacings)
+    borders = np.empty((len(points), 3))
+    doubts = np.empty(len(points))
+    outline.on(threads)(cloud, near, corners, counts, borders)
     _lift.on(threads)(cloud, (corners, counts), lifts, doubts)
     # A fan of triangles for each, in the order of the points.
     place = np.argsort(order)
@@ -84,30 +87,33 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
     fans = np.repeat(np.cumsum(counts) - counts, counts - 2)
     ahead = np.arange(len(fans)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2) + 1
     faces = np.stack([fans, fans + ahead, fans + ahead + 1], axis=1)
-    return Discs(Mesh(vertices, faces, source=source), lifts[place], doubts[place], spacings[place])
+    return Discs(Mesh(vertices, faces, source=source), lifts[place], doubts[place], borders[place])
 
 
-def border_errors(points: Float64s, axes: Float64s, spacings: Float64s, mu: Mu, threads: int | None = None) -> Float64s:
+def border_errors(points: Float64s, axes: Float64s, borders: Float64s, mu: Mu, threads: int | None = None) -> Float64s:
     """Errors of w at points (k, 3), (k,): the form factors of strips along borders, as wide as these are uncertain.
 
     A strip of area dA at distance d has cosθ cosθ' dA / (π d²) of a hemisphere; strips are off together.
 
     Args:
-        points, axes, spacings: of the cloud; unit normals (k, 3), and spacings (k,), 0 but at borders.
+        points, axes, borders: of the cloud; unit normals (k, 3), and `Discs.borders`.
         mu: the falloff; what is far away closes less.
     """
     errors = np.zeros(len(points))
+    spacings = np.linalg.norm(borders, axis=1)
     at_border = np.flatnonzero(spacings)
     if not len(at_border):
         return errors
-    farthest = _FARTHEST * spacings.max()
-    tree = cKDTree(points[at_border])
+    middles = points[at_border] + borders[at_border] / 2
+    tree = cKDTree(middles)
     count = list(range(1, min(_POINTS, len(at_border)) + 1))
+    farthest = _FARTHEST * spacings.max()
     distances, nearest = tree.query(points, count, distance_upper_bound=farthest, workers=thread_count(threads))
     row, column = np.nonzero(np.isfinite(distances) & (distances > 0.0))
     distance = distances[row, column]
-    border = at_border[nearest[row, column]]
-    way = (points[border] - points[row]) / distance[:, None]
+    strip = nearest[row, column]
+    border = at_border[strip]
+    way = (middles[strip] - points[row]) / distance[:, None]
     cosine = np.maximum(np.einsum("kc,kc->k", way, axes[row]), 0.0) * np.abs(np.einsum("kc,kc->k", way, axes[border]))
     area = _UNKNOWN * spacings[border] ** 2
     strips = (1.0 - mu(distance)) * cosine * area / (np.pi * distance**2)
@@ -123,7 +129,9 @@ def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Flo
     axis = load(cloud.axes, i)
     radius = cloud.radius[i]
     first, rough, highest = np.inf, 0.0, 0.0
-    is_beside_hole = is_covered = False
+    is_covered = False
+    just_above = 0  # discs of a sheet
+    directions = 0.0, 0.0, 0.0  # from their centres, summed
     walls = 0.0, 0.0, 0.0  # the sum of the normals of sheets that rise from the point
     for j in range(cloud.near.shape[1]):
         facing, above, along = beside(cloud, i, j)
@@ -152,15 +160,17 @@ def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Flo
             if is_below:
                 first = min(first, height)
                 is_covered |= aside <= _INNER * reach
-            if abs(facing) > _PARALLEL and height < radius and aside <= 2.0 * reach:
-                is_beside_hole = True
-    lift = scale(_LIFT * min(radius, first), axis)
+            if abs(facing) > _PARALLEL and height < radius and 0.0 < aside <= 2.0 * reach:
+                just_above += 1
+                directions = add(directions, scale(1.0 / aside, offset))
+    distance = min(max(_LEAST * radius, _CLEAR * highest), _LIFT * min(radius, first))
+    lift = scale(distance, axis)
     if length(walls) > 0.0:
         between = add(axis, scale(1.0 / length(walls), walls))
-        lift = scale(min(_AT_EDGE * radius, _LIFT * first) / length(between), between)
+        lift = scale(distance / length(between), between)
     store(lifts, i, lift)
     height = dot(lift, axis)
-    is_hole = is_beside_hole and not is_covered  # of a sheet just above
+    is_hole = not is_covered and length(directions) < _ONE_SIDED * just_above  # else the sheet ends here
     if highest >= height:
         doubts[i] = _CLOSED
     else:

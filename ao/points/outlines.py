@@ -7,9 +7,9 @@ convex edge; at a border, somewhat beyond the convex hull of its sheet's points 
 import numpy as np
 
 from obscurance.raytrace.kernel.jit import inline
-from obscurance.raytrace.kernel.vector import add, dot, load, scale, subtract, tangents
+from obscurance.raytrace.kernel.vector import add, dot, load, scale, store, subtract, tangents
 from obscurance.raytrace.system.parallel import each
-from obscurance.raytrace.types import Float64Grid, Float64s, Int32Rows, Int64s
+from obscurance.raytrace.types import Float64Grid, Float64Rows, Int32Rows, Int64s
 
 from .sheets import FLAT, NEAR, Cloud, beside
 
@@ -19,6 +19,7 @@ _HEXAGON = np.stack([np.cos(np.radians(60 * np.arange(6))), np.sin(np.radians(60
 _AROUND = 1.4  # of the radius: with points of the sheet so far off in every sixth, no border is near
 _ALL_SIXTHS = 0b10111101  # of the signs of y, a − y and a + y, a = √3 x, those that there are
 _MARGIN = 0.4  # of the mean spacing in the hull, by which the sheet goes on beyond it
+_OUTERMOST = 0.5  # spacing within the hull, up to which a point is at a border
 _BEYOND = 1.0  # spacing beyond a side of the hull, where the sheet has a point if a hole and no border lies there
 _HOLE = 2.5  # of a disc's radius, across which such a point is sought
 _AHEAD = 0.35  # cosine between the way to it and the way out
@@ -29,8 +30,9 @@ _BESIDE = 0.7  # cosine between directions to the same side
 
 
 @each("near")
-def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts: Int64s, spacings: Float64s) -> None:
-    """Write the corners of each disc, (k, CORNERS, 3), how many these are, and the spacing at borders, elsewhere 0.
+def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts: Int64s, borders: Float64Rows) -> None:
+    """Write the corners of each disc, (k, CORNERS, 3), how many these are, and outward vectors (k, 3) as long as the
+    spacing at outermost points of a sheet, elsewhere 0.
 
     Args: near: of the cloud.
     """
@@ -54,10 +56,11 @@ def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts:
             for k in range(of_sheet):
                 offset = max(offset, x * sheet[k, 0] + y * sheet[k, 1])
             count = _cut(outlines, count, x, y, offset)
-    spacings[i] = 0.0
+    outwards = 0.0, 0.0, 0.0
     if not is_all_around:
         others = (crossings, crossing)
-        count, spacings[i] = _cut_at_borders(cloud, i, (sheet, of_sheet), others, (outlines, count, reach))
+        count, outwards = _cut_at_borders(cloud, i, (sheet, of_sheet), others, (outlines, count, reach))
+    store(borders, i, outwards)
     counts[i] = count
     for k in range(count):
         corner = add(p, add(scale(outlines[0, k, 0], u), scale(outlines[0, k, 1], v)))
@@ -114,8 +117,8 @@ def _find_crossings(cloud, i, crossings):
 
 @inline
 def _cut_at_borders(cloud, i, sheet, others, outline):
-    """Cut the outline of point i to the hull of its sheet's points. Returns how many corners it has, and the spacing if
-    a border is there, else 0.
+    """Cut the outline of point i to the hull of its sheet's points. Returns how many corners it has, and its row of the
+    vectors at borders.
 
     Args: sheet, others: in the plane of the disc, and how many. outline: with how far the farthest point is.
     """
@@ -125,10 +128,10 @@ def _cut_at_borders(cloud, i, sheet, others, outline):
     u, v = tangents(load(cloud.axes, i))
     hull = np.empty(NEAR + 1, np.int64)
     size, area = _hull(places, of_sheet, hull)
+    at_border = 0.0, 0.0, 0.0
     if area <= _THIN * reach * reach:
-        return count, 0.0
+        return count, at_border
     spacing = np.sqrt(area / of_sheet)
-    at_border = 0.0
     for k in range(size):
         a = hull[k]
         b = hull[(k + 1) % size]
@@ -141,9 +144,11 @@ def _cut_at_borders(cloud, i, sheet, others, outline):
         border = offset + _MARGIN * spacing
         if border >= cloud.radius[i] or _is_crossed(crossings, crossing, x, y):
             continue
-        if not _goes_on(cloud, i, add(scale(x, u), scale(y, v)), offset + _BEYOND * spacing):
+        outwards = add(scale(x, u), scale(y, v))
+        if not _goes_on(cloud, i, outwards, offset + _BEYOND * spacing):
             count = _cut(outlines, count, x, y, border)
-            at_border = spacing
+            if offset < _OUTERMOST * spacing:
+                at_border = scale(spacing, outwards)
     return count, at_border
 
 
