@@ -25,16 +25,17 @@ from ..mu import Mu
 from .outlines import CORNERS, outline
 from .sheets import FLAT, NEAR, NEIGHBOURS, Cloud, beside, tell_sheets
 
-_LIFT = 0.5  # of a disc's radius, from which rays of its point start at most: neighbours' discs are below that
-_LEAST = 0.1  # the same at least
-_CLEAR = 5.0  # times the height of the highest of these over the point, between both
+_LEAST = 0.1  # of a disc's radius, above which rays of its point start
+_LIFT = 0.5  # the same at most
+_CLEAR = 5.0  # times the height of the highest disc of the own sheet over the point, between both
+_BEYOND_EDGES = 1.5  # times how far discs that turn away from the point's plane stick out of it, likewise
 _BESIDE_WALL = 2.0  # of the larger disc's radius, within which a disc rises from a point in its plane
 _PARALLEL = 0.8  # cosine between normals of a sheet and of one above it, at least
 _ONE_SIDED = 0.5  # mean of unit vectors to points beyond a border, at least; beyond a straight one 2 / π
 _DOUBT = 0.5  # error of w where it is open whether a disc is above the point
 _INNER = 0.86  # of a disc's radius, within which the hexagon is in every direction
 _CLOSED = 0.7  # the same where a disc of the own sheet is above the rays' origin
-_UNKNOWN = 0.45  # of a spacing, by which borders err: they lie on the outermost points, or up to one beyond
+_UNKNOWN = 0.6  # of a spacing, by which borders err: they lie on the outermost points, or up to one beyond
 _POINTS = 16  # of borders, at most, that count for a point
 _FARTHEST = 24.0  # spacings, up to which they do
 
@@ -123,12 +124,12 @@ def border_errors(points: Float64s, axes: Float64s, borders: Float64s, mu: Mu, t
 
 @each("lifts")
 def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Float64Rows, doubts: Float64s) -> None:
-    """Write `Discs.lifts` and `doubts`: rays start above the discs of the own sheet, which overlap, and half the way to
-    the first disc of another one above. On a concave edge they start between both sheets."""
+    """Write `Discs.lifts` and `doubts`: rays start above the discs of the own sheet, which overlap, and below half the
+    way to the first disc of another one above. On a concave edge they start between both sheets."""
     p = load(cloud.points, i)
     axis = load(cloud.axes, i)
     radius = cloud.radius[i]
-    first, rough, highest = np.inf, 0.0, 0.0
+    first, rough, highest, sticking_out = np.inf, 0.0, 0.0, 0.0
     is_covered = False
     just_above = 0  # discs of a sheet
     directions = 0.0, 0.0, 0.0  # from their centres, summed
@@ -144,8 +145,10 @@ def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Flo
         height = along / facing if facing != 0.0 else 0.0  # of the disc's plane over the point
         if height <= 0.0:
             continue
-        if not cloud.of_sheet[i, j] and above <= 0.0:
-            continue
+        if above <= 0.0:
+            sticking_out = max(sticking_out, _height_of_corners(outlines, near, p, axis))
+            if not cloud.of_sheet[i, j]:
+                continue
         centre = load(cloud.points, near)
         reach = cloud.radius[near]
         offset = subtract(add(p, scale(height, axis)), centre)
@@ -163,7 +166,7 @@ def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Flo
             if abs(facing) > _PARALLEL and height < radius and 0.0 < aside <= 2.0 * reach:
                 just_above += 1
                 directions = add(directions, scale(1.0 / aside, offset))
-    distance = min(max(_LEAST * radius, _CLEAR * highest), _LIFT * min(radius, first))
+    distance = min(max(_LEAST * radius, _CLEAR * highest, _BEYOND_EDGES * sticking_out), _LIFT * min(radius, first))
     lift = scale(distance, axis)
     if length(walls) > 0.0:
         between = add(axis, scale(1.0 / length(walls), walls))
@@ -187,6 +190,17 @@ def _rises_from(cloud, i, j):
         return False
     distance = length(subtract(load(cloud.points, near), load(cloud.points, i)))
     return distance <= _BESIDE_WALL * max(cloud.radius[i], cloud.radius[near])
+
+
+@inline
+def _height_of_corners(outlines, near, p, axis):
+    """How far the highest corner of a disc is above the plane of a point."""
+    corners, counts = outlines
+    highest = -np.inf
+    for k in range(counts[near]):
+        corner = corners[near, k, 0], corners[near, k, 1], corners[near, k, 2]
+        highest = max(highest, dot(subtract(corner, p), axis))
+    return highest
 
 
 @inline

@@ -195,6 +195,19 @@ def test_discs_end_at_convex_edges(is_grid):
         assert np.sqrt(np.mean((baked.w - 1) ** 2)) < 0.01
 
 
+def test_discs_beyond_shallow_convex_edges_close_nothing():
+    """Prisms of 5 to 24 sides, points of which lie at any distance from the edges."""
+    for sides in (5, 8, 12, 16, 20, 24):
+        random = np.random.default_rng(sides)
+        angle = 2 * np.pi * random.integers(0, sides, 3000) / sides
+        normals = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+        aside = np.tan(np.pi / sides) * random.uniform(-1, 1, (3000, 1))
+        points = normals + aside * np.cross([0, 0, 1.0], normals)
+        points[:, 2] = random.uniform(0, 2, 3000)
+        w = ao.bake_points(None, points, normals, falloff="binary", samples=64).w
+        assert np.sqrt(np.mean((w - 1) ** 2)) < 0.03  # of discs that stick out .09
+
+
 @pytest.mark.parametrize("is_grid", [True, False])
 def test_points_on_concave_edges_see_the_side_that_their_sheets_face(is_grid):
     """A box of any size and orientation from within, with points on its edges and corners."""
@@ -224,16 +237,16 @@ def test_points_on_concave_edges_see_the_side_that_their_sheets_face(is_grid):
     assert np.sqrt(np.mean(np.concatenate(errors) ** 2)) < (0.03 if is_grid else 0.08)  # those at random leave holes
 
 
-@pytest.mark.parametrize("is_grid", [True, False])
-@pytest.mark.parametrize("height", [0.5, 1, 2, 4])
+@pytest.mark.parametrize(("height", "is_grid"), [(0.5, True), (1, True), (2, True), (4, True), (2, False), (4, False)])
 def test_discs_end_at_borders_of_sheets(height, is_grid):
     """A floor below half a sheet, heights in spacings of the points, against the mesh of both."""
     upper = [(0, 0), (0.5, 0), (0.5, 1), (0, 1)]
     mesh = Mesh([(x, y, height / 40) for x, y in upper], [[0, 1, 2], [0, 2, 3]])
+    places = iter((np.arange(6) + 0.5) / 6)  # of the border between points, in spacings
 
     def shelf(random):
         floor, sheet = scattered(random, 40, is_grid), scattered(random, 40, is_grid)
-        sheet = (sheet + random.uniform(0, 1, 2) / 40) % 1  # so that the border is at any place between points
+        sheet = (sheet + np.array([next(places), random.uniform()]) / 40) % 1
         sheet = sheet[sheet[:, 0] < 0.5]
         points = np.concatenate([np.insert(floor, 2, 0, axis=1), np.insert(sheet, 2, height / 40, axis=1)])
         below = np.flatnonzero((np.abs(floor[:, 0] - 0.5) < 0.1) & (np.abs(floor[:, 1] - 0.5) < 0.2))
@@ -242,8 +255,8 @@ def test_discs_end_at_borders_of_sheets(height, is_grid):
         return points, normals, below, exact
 
     reported, true = reported_and_true(shelf, seeds=6)
-    assert true < 0.12 / (height + 0.5)  # at 2 and 4 .19 and .12 for discs that reach beyond
-    assert true < 1.3 * reported + 0.01
+    assert true < 0.16 / (height + 0.5)  # at 2 and 4 .19 and .12 for discs that reach beyond
+    assert true < 1.3 * reported + 0.005
     assert reported < 1.3 * true + 0.01
 
 
