@@ -61,8 +61,11 @@ def unseen_faces(
     Most faces are seen by their first few; those that are not get up to 4,096. Sides that rays lead from one to the
     other make a room: where none of its first 262,144 leaves, it is closed. Faces without area count as seen.
 
-    Args: progress: called as that of `ao.bake`, in rounds. above: only lines that rise lead outside, by `mesh.up`.
+    Args:
+        progress: called as that of `ao.bake`, in rounds.
+        above: only lines that rise lead outside, by `mesh.up`.
         depth: bounces by which cavities are kept: of 1, also faces that a side sees which is seen, and so on.
+
     Raises: OptionError, MeshError, MemoryLimitError: as `ao.bake`.
     """
     if depth < 0:

@@ -226,7 +226,7 @@ from obscurance import ao, raytrace, scenes
 
 mesh = scenes.Temple(fineness=0.2).geometry().mesh
 assert_type(mesh, raytrace.Mesh)
-assert_type(raytrace.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).faces, npt.NDArray[np.int64])
+assert_type(raytrace.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).faces, npt.NDArray[np.int32])
 baked = ao.bake(mesh, ao.Exponential(half_distance="50%"), tolerance=0.02)
 assert_type(baked, ao.Bake)
 assert_type(baked.w, npt.NDArray[np.float64])
