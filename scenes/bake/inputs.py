@@ -157,7 +157,7 @@ def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
     from obscurance.raytrace.mesh.corners import split_creases
 
     from ..asset.refined import refined_asset
-    from ..formats.gltf.refined import check_no_skin, refined_glb
+    from ..formats.gltf.vertices import check_no_skin, refined_glb
 
     check_no_skin(inputs.source)
     options, source = plan.options, inputs.source

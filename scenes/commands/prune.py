@@ -20,7 +20,7 @@ from obscurance.raytrace.types import AnyInts, Bools, Float64s, Int64s
 
 from ..bake.console import warn
 from ..bake.options import PrunedBy
-from ..formats.gltf.textured import check_vertices
+from ..formats.gltf.vertices import check_vertices
 from ..formats.load import load, parser_errors
 from ..formats.ply.write import bare_ply
 from ..formats.stl import TRIANGLE
@@ -175,7 +175,7 @@ def _visible_glb(source: Asset, seen: Bools) -> tuple[bytes, int]:
     """
     from ..formats.gltf.accessors import triangles
     from ..formats.gltf.asset import Gltf
-    from ..formats.gltf.textured import draw, take_vertices
+    from ..formats.gltf.vertices import draw, take_vertices
     from ..formats.gltf.write import one_buffer
 
     asset = source.raw

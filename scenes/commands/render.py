@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from obscurance.raytrace.types import Float32s
 
     from ..description.description import SceneDescription
-    from ..formats.falloffs import Scales
+    from ..formats.stored_w import Scales
     from ..show.progress import Advance
     from ..show.report.pictures import Picture
 
@@ -64,7 +64,7 @@ def _render(options: RenderOptions, output: Path) -> None:
         check_ending("--report", options.report, *REPORTS)
     from ..bake.run import workers_of
     from ..description.read import read_scene
-    from ..formats.falloffs import make_scales
+    from ..falloffs import make_scales
     from ..formats.stored_w import check_stored
     from ..show.report.verdict import hashed
 
