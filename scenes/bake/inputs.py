@@ -1,12 +1,11 @@
-"""From files to meshes: those of one bake as its plan has them; and names of a batch's inputs, and of its outputs."""
+"""The files of a bake, read: meshes as its plan has them."""
 
 from __future__ import annotations
 
 import glob
 import os
 import time
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,13 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from obscurance import ao
-from obscurance.raytrace.errors import ConflictError, OptionError
-from obscurance.raytrace.system.checks import make_folder
+from obscurance.raytrace.errors import ConflictError
 
 from ..asset.asset import Asset
 from ..asset.objects import ObjectSelection, match, select_objects
 from ..formats.load import load
-from ..formats.table import endings
 from ..geometry.instances import with_sides
 from ..show.progress import progress
 
@@ -208,71 +205,6 @@ def _doubts(plan: Plan, mesh: Mesh, walls: Iterable[Mesh]) -> Iterator[str]:
         yield from lying_notes(mesh)
 
 
-def expand(given: Iterable[Path]) -> list[Path]:
-    """The files that names and patterns of `glob` stand for, each once.
-
-    Raises: OptionError: a folder, or a pattern that matches nothing.
-    """
-    paths: dict[str, Path] = {}
-    for path in given:
-        if os.path.isdir(path):
-            raise OptionError("mesh", "mesh files", f"{path}, a folder", nearest=_pattern_in(path))
-        matches = [path]
-        if is_pattern(path):
-            names = sorted(glob.glob(str(path), recursive=True))
-            matches = [Path(name) for name in names if os.path.isfile(name)]
-            if not matches:
-                raise OptionError("mesh", "a pattern that matches files", f"{path}, which matches none")
-        for name in matches:
-            paths.setdefault(os.path.realpath(name), name)
-    return list(paths.values())
-
-
 def is_pattern(path: Path) -> bool:
     """Whether a name is no file's, but a pattern of `glob`."""
     return glob.has_magic(str(path)) and not os.path.exists(path)
-
-
-def _pattern_in(folder: Path) -> str | None:
-    """A pattern of the mesh files in a folder, in quotes as a shell takes it."""
-    in_folder = [entry.suffix.lower() for entry in folder.iterdir()]
-    most = max(endings("read"), key=in_folder.count)
-    return f"'{folder / '*'}{most}'" if most in in_folder else None
-
-
-def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:
-    """An output for each input: its name, with another ending, in `folder`.
-
-    Where names are equal the outputs lie below `folder` as the inputs do below the folder that holds them all.
-    """
-    names = [Path(f"{path.stem}.{ending}") for path in inputs]
-    if len({os.path.normcase(name) for name in names}) < len(names):
-        folders = [os.path.abspath(path.parent) for path in inputs]
-        with suppress(ValueError):  # they are on several drives
-            top = os.path.commonpath(folders)
-            names = [Path(os.path.relpath(path, top), name) for path, name in zip(folders, names, strict=True)]
-    input_of: dict[str, Path] = {}
-    for path, name in zip(inputs, names, strict=True):
-        other = input_of.setdefault(os.path.normcase(name), path)
-        if other is not path:
-            expected = "inputs of different names in each folder"
-            raise OptionError("output_dir", expected, f"{other} and {path}, both for {folder / name}")
-    return [folder / name for name in names]
-
-
-@contextmanager
-def created_folders(folders: Iterable[Path], keep: bool) -> Iterator[None]:
-    """Make folders, unless they are there; they go if that or the block fails, or not `keep`. Raises: OutputError."""
-    several = dict.fromkeys(folders)
-    new = {path for folder in several for path in (folder, *folder.parents) if not os.path.exists(path)}
-    passed = False
-    try:
-        for folder in several:
-            make_folder(folder)
-        yield
-        passed = True
-    finally:
-        if not (passed and keep):
-            for path in sorted(new, reverse=True):  # the deepest ones come before those that hold them
-                with suppress(OSError):
-                    path.rmdir()

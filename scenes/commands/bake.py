@@ -7,7 +7,6 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
 
 from obscurance.raytrace.errors import ConflictError, ObscuranceError, OptionError, printable
 from obscurance.raytrace.system.atomic import is_standard_output, standard_output
@@ -15,15 +14,12 @@ from obscurance.raytrace.system.checks import available, check_memory, memory_in
 from obscurance.raytrace.system.threads import thread_count
 
 from ..bake.console import columns, note, quietly
-from ..bake.inputs import expand, is_pattern, outputs_in, read_inputs
-from ..bake.options import BAKE, BakeOptions, Format, check_kind, check_together
-from ..bake.plan import OpenCheckpoint, Plan, in_mesh_units, plan_bake, preset_format
+from ..bake.inputs import is_pattern, read_inputs
+from ..bake.options import BAKE, BakeOptions, check_kind, check_together
+from ..bake.plan import OpenCheckpoint, Plan, plan_bake, preset_format
 from ..bake.report import WorkSize
 from ..bake.run import kept_by, run, silence_tolerance_warnings, work_size, workers_of
 from ..formats.load import PIPED, STANDARD, standard_input
-
-if TYPE_CHECKING:
-    from ..bake.batch import Batch
 
 _RAYS_A_SECOND = 4e6  # of a thread, in a scan
 
@@ -38,7 +34,9 @@ def run_bake(options: BakeOptions) -> int:
     with quietly(options.quiet):
         if not options.output_dir:
             return _run_one(options)
-        batch = _batch(options)
+        from ..bake.batch import Batch
+
+        batch = Batch.of(options)
         if not options.dry_run:
             return batch.run()
         batch.check_files(keep=False)
@@ -82,31 +80,6 @@ def _run(plan: Plan, content: bytes | None, open_checkpoint: OpenCheckpoint) -> 
         for summary in run(plan, content, open_checkpoint):
             if not plan.options.quiet:
                 print(summary.text, file=sys.stderr if is_standard_output(plan.output) else sys.stdout)
-
-
-def _batch(options: BakeOptions) -> Batch:
-    """The batch that the options ask for. Raises: OptionError: no inputs, or several that would have one output."""
-    folder = options.output_dir
-    if STANDARD in options.mesh:
-        raise ConflictError("output_dir", "does not go with", "-, standard input")
-    _check_folder("output_dir", folder, nearest="--output")
-    inputs = expand(options.mesh)
-    outputs = outputs_in(folder, inputs, preset_format(options))
-    first, *others = (in_mesh_units(options, mesh) for mesh in inputs)
-    for mesh, scaled in zip(inputs[1:], others, strict=True):
-        if vars(scaled) != vars(first):
-            raise OptionError("mesh", f"files in the unit of {inputs[0]}, as a length has a unit", mesh)
-    plan = plan_bake(options.replaced(mesh=inputs[:1], output=outputs[0]))
-    plans = [plan.with_options(mesh=[mesh], output=output) for mesh, output in zip(inputs, outputs, strict=True)]
-    from ..bake.batch import Batch
-
-    return Batch(plans, folder)
-
-
-def _check_folder(option: str, folder: Path, nearest: str | None = None) -> None:
-    """Check that the folder of an option is there, if its name is not an output's. Raises: OptionError."""
-    if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
-        raise OptionError(option, "a folder", f"{folder}, the name of a file", nearest=nearest)
 
 
 def _check_output(inputs: Sequence[Path], output: Path | None) -> None:
