@@ -5,11 +5,11 @@ from __future__ import annotations
 import glob
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -99,50 +99,84 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
     """
     started = time.perf_counter()
     options = plan.options
-    alpha = options.alpha == "auto"
-    by_name = options.receive or (), options.cast or (), options.exclude or ()
-    names = any(by_name) or options.match_names or options.occluded_by != "all"
-    # What the input is read for; images need the objects and materials that a .ply keeps.
-    target = plan.glb or "images.ply" if plan.kind == "texture" else f"vertices{plan.ending}"
-    # The input, what is baked of it, and the other files.
     reading = partial(progress, options.quiet, "reading", form=options.progress)
     with reading():
-        source = opened(
-            plan.mesh if source is None else source, target=target, content=content, alpha=alpha, up=options.up,
-            names=names, flip=options.flip, points=options.points,
-        )  # fmt: skip
-    if options.points and not source.cloud:
-        raise ConflictError("points", "needs", "the name of a file of points")
-    has_sides = plan.has_sides and not (source.is_scene and plan.ending == ".glb")  # which keeps the file's vertices
-    baked = source.with_mesh(source.split) if has_sides else source
-    chosen = select_objects(baked, *by_name, options.occluded_by, options.output_dir is not None)
+        source = _source(plan, plan.mesh if source is None else source, content)
+    chosen = _chosen(plan, source)
     layout = None
     if plan.kind == "texture":  # whose pages may be refused, before more is read
         from .pages import Layout
 
         layout = Layout.of(plan, source, chosen)
     with reading():
-        high, walls, cage = (
-            [_beside(source, mesh, alpha=alpha, names=options.match_names) for mesh in meshes or ()]
-            for meshes in (options.high, options.occluder, [options.cage] if isinstance(options.cage, Path) else [])
-        )
-    fine = None
-    if high:
-        from obscurance.ao.points.occluders import joined
-
-        fine = joined([file.mesh for file in high], all_normals=True)
-    occluders = _occluders(plan, source.mesh, chosen.mesh, walls)
-    arguments: dict[str, Any] = {"high": fine, "occluders": occluders}
-    if options.match_names:
-        arguments["groups"] = match(source, high)
-    if cage:
-        arguments["cage"] = cage[0].mesh
-    files = [source, *walls, *high, *cage]
+        beside = _FilesBeside.read(plan, source)
+    arguments = beside.arguments(plan, source, chosen.mesh)
+    files = [source, *beside.walls, *beside.high, *beside.cage]
     notes = [note for file in files for note in file.notes]
-    notes += _doubts(plan, source.mesh, [wall.mesh for wall in walls])
+    notes += _doubts(plan, source.mesh, [wall.mesh for wall in beside.walls])
     paths = [path for file in files for path in file.files]
-    inputs = BakeInputs(source, chosen, layout, fine, occluders, arguments, paths, content, notes, started)
+    inputs = BakeInputs(
+        source, chosen, layout, arguments["high"], arguments["occluders"], arguments, paths, content, notes, started
+    )  # fmt: skip
     return inputs if options.between is None else _refined(plan, inputs)
+
+
+def _by_name(plan: Plan) -> tuple[Sequence[str], Sequence[str], Sequence[str]]:
+    """Names and patterns of the objects that get w, that occlude, and that do neither."""
+    return plan.options.receive or (), plan.options.cast or (), plan.options.exclude or ()
+
+
+def _source(plan: Plan, mesh: Any, content: bytes | None) -> Asset:
+    """The input, by its name or in memory, with what its output is to keep of it."""
+    options = plan.options
+    names = any(_by_name(plan)) or options.match_names or options.occluded_by != "all"
+    # Images need the objects and materials that a .ply keeps.
+    target = plan.glb or "images.ply" if plan.kind == "texture" else f"vertices{plan.ending}"
+    source = opened(
+        mesh, target=target, content=content, alpha=options.alpha == "auto", up=options.up, names=names,
+        flip=options.flip, points=options.points,
+    )  # fmt: skip
+    if options.points and not source.cloud:
+        raise ConflictError("points", "needs", "the name of a file of points")
+    return source
+
+
+def _chosen(plan: Plan, source: Asset) -> ObjectSelection:
+    """What is baked of the input: objects by their names, and each side of hard edges, where the output has both."""
+    has_sides = plan.has_sides and not (source.is_scene and plan.ending == ".glb")  # which keeps the file's vertices
+    baked = source.with_mesh(source.split) if has_sides else source
+    return select_objects(baked, *_by_name(plan), plan.options.occluded_by, plan.options.output_dir is not None)
+
+
+class _FilesBeside(NamedTuple):
+    """The files besides the input: finer meshes, occluders, and the cage or nothing."""
+
+    high: list[Asset]
+    walls: list[Asset]
+    cage: list[Asset]
+
+    @classmethod
+    def read(cls, plan: Plan, source: Asset) -> Self:
+        """Those that a plan names. Raises: as `load`."""
+        options = plan.options
+        alpha, names = options.alpha == "auto", options.match_names
+        cage = [options.cage] if isinstance(options.cage, Path) else []
+        given = (options.high or (), options.occluder or (), cage)
+        return cls(*([_beside(source, mesh, alpha=alpha, names=names) for mesh in meshes] for meshes in given))
+
+    def arguments(self, plan: Plan, source: Asset, chosen: Mesh) -> dict[str, Any]:
+        """The arguments of a bake that are made of files. Args: chosen: what is baked of the input."""
+        fine = None
+        if self.high:
+            from obscurance.ao.points.occluders import joined
+
+            fine = joined([file.mesh for file in self.high], all_normals=True)
+        arguments: dict[str, Any] = {"high": fine, "occluders": _occluders(plan, source.mesh, chosen, self.walls)}
+        if plan.options.match_names:
+            arguments["groups"] = match(source, self.high)
+        if self.cage:
+            arguments["cage"] = self.cage[0].mesh
+        return arguments
 
 
 def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
