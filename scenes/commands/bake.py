@@ -10,7 +10,7 @@ from pathlib import Path
 
 from obscurance.raytrace.errors import ConflictError, ObscuranceError, OptionError, printable
 from obscurance.raytrace.system.atomic import is_standard_output, standard_output
-from obscurance.raytrace.system.checks import available, check_memory, memory_in_use, size_text
+from obscurance.raytrace.system.checks import available_memory, check_memory, memory_in_use, size_text
 from obscurance.raytrace.system.threads import thread_count
 
 from ..bake.console import columns, note, quietly
@@ -151,7 +151,7 @@ def _described(sizes: Sequence[WorkSize], plan: Plan, held: int) -> list[tuple[s
     unit = sizes[0].unit
     rays = sum(plan.arguments.rays_in_all(work.points) for work in sizes)
     meshes = f"{len(sizes):,} meshes, " if len(sizes) > 1 else ""
-    free = available()
+    free = available_memory()
     needed = max(work.bytes for work in sizes)
     available_text = "" if free is None else f", {size_text(free)} available"
     return [

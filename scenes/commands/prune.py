@@ -26,6 +26,8 @@ from ..formats.unsupported import unsupported_features
 from ..show.progress import progress
 
 if TYPE_CHECKING:
+    from obscurance.ao.unseen import Unseen
+
     from ..asset.asset import Asset
 
 _ENDINGS = ".glb", ".ply", ".obj", ".stl", ".off"
@@ -78,7 +80,16 @@ def prune(
         face_count = int(np.count_nonzero(kept))
     write_bytes(output, content)
     text = f"{output}: {face_count:,} faces; {len(kept) - face_count:,} that nothing {where} sees are gone"
-    # What is gone of each group, those first of which that is least sure.
+    return text + _gone_in_words(unseen, kept, group, names)
+
+
+def _gone_in_words(unseen: Unseen, kept: Bools, group: AnyInts, names: Sequence[str]) -> str:
+    """What is gone of each group, those first of which that is least sure; empty if nothing is.
+
+    Args: kept: (m,), the faces that are not gone. group: (m,), of each face, in `names`.
+    """
+    if kept.all():
+        return ""
     totals = np.bincount(group, minlength=len(names))
     gone = []
     for number in np.unique(group[~kept]).tolist():
@@ -89,8 +100,7 @@ def prune(
     gone.sort(reverse=True)
     listed = ", ".join(printable(line) for _, line in gone[:_LISTED])
     more = f" and {len(gone) - _LISTED:,} more, surer" if len(gone) > _LISTED else ""
-    sure = f": {listed}{more}. Of what each looks at less than its share may be open, with 95 % confidence"
-    return text + (sure if gone else "")
+    return f": {listed}{more}. Of what each looks at less than its share may be open, with 95 % confidence"
 
 
 def _groups(source: Asset, by: PrunedBy) -> tuple[AnyInts, list[str]]:

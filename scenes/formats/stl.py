@@ -73,7 +73,7 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
 
 
 def stl(vertices: Float64s, faces: AnyInts, output: Path) -> bytes:
-    """A binary STL. Raises: OptionError: float32, which it has, moves vertices by a millionth of their extent."""
+    """The triangles as a binary STL. Raises: OptionError: float32 moves vertices by a millionth of their extent."""
     with np.errstate(over="ignore"):
         rounded = vertices.astype("<f4")
     moved = np.abs(rounded - vertices).max()

@@ -61,18 +61,12 @@ def textured_glb(
         elif not on_pages.any(axis=0).all():
             on_no_page.append((primitive, vertices))
         else:
-            record = parse(Primitive, primitive, asset.path)
-            faces = triangles(asset, record, len(vertices)).astype(np.int64)
+            faces = triangles(asset, parse(Primitive, primitive, asset.path), len(vertices)).astype(np.int64)
             is_turned = not np.array_equal(vertices[faces], source.mesh.faces[run.faces])  # mirrored: turned over
             for page, face_rows, piece in _by_page(builder, primitive, on_pages.argmax(axis=0)):
                 uv = pages[page].uv[run.faces[face_rows], :: -1 if is_turned else 1]
-                number = _set_of(asset, record, faces[face_rows], uv)
-                if number is None:
-                    number = free_set(builder.header, piece)
-                    split_vertices(builder, asset, piece, number, faces[face_rows], uv)
-                elif len(face_rows) < len(faces):
-                    draw(builder, piece, faces[face_rows])
-                textures.give(piece, numbers[page], number)
+                draws_all = len(face_rows) == len(faces)
+                textures.give(piece, numbers[page], _laid_out(builder, asset, piece, faces[face_rows], uv, draws_all))
     textures.apply()
     if w is not None:
         write_ramp(builder, [(primitive, w[vertices]) for primitive, vertices in on_no_page], replace)
@@ -104,6 +98,20 @@ def _by_page(
     mesh["primitives"] += pieces[1:]
     for page, piece in zip(used, pieces, strict=True):
         yield page, np.flatnonzero(page_of == page), piece
+
+
+def _laid_out(
+    builder: GlbBuilder, asset: Gltf, primitive: dict[str, Any], faces: Int64s, uv: Float64s, draws_all: bool
+) -> int:
+    """Number of the set that looks up `uv` (t, 3, 2) at the faces (t, 3), which a primitive is let draw alone: one that
+    it has, or a new one. Args: draws_all: whether it draws these faces alone already."""
+    number = _set_of(asset, parse(Primitive, primitive, asset.path), faces, uv)
+    if number is None:
+        number = free_set(builder.header, primitive)
+        split_vertices(builder, asset, primitive, number, faces, uv)
+    elif not draws_all:
+        draw(builder, primitive, faces)
+    return number
 
 
 def _set_of(asset: Gltf, primitive: Primitive, faces: Int64s, uv: Float64s) -> int | None:
