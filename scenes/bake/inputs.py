@@ -19,7 +19,6 @@ from obscurance.raytrace.errors import ConflictError
 from ..asset.asset import Asset
 from ..asset.objects import ObjectSelection, match, select_objects
 from ..formats.load import load
-from ..geometry.instances import with_sides
 from ..show.progress import progress
 
 if TYPE_CHECKING:
@@ -157,7 +156,7 @@ class _FilesBeside(NamedTuple):
 
     @classmethod
     def read(cls, plan: Plan, source: Asset) -> Self:
-        """Those that a plan names. Raises: as `load`."""
+        """The files that a plan names. Raises: as `load`."""
         options = plan.options
         alpha, names = options.alpha == "auto", options.match_names
         cage = [options.cage] if isinstance(options.cage, Path) else []
@@ -217,9 +216,17 @@ def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
 
 def _occluders(plan: Plan, mesh: Mesh, chosen: Mesh, walls: Iterable[Asset]) -> list[Mesh]:
     """What occludes besides the input's mesh, of which some is chosen: rasters with sides, and the ground."""
-    low = float(mesh.vertices[:, 2].min())
-    occluders = [file.mesh if file.to_system is None else with_sides(file.mesh, low) for file in walls]
+    occluders = [_solid(wall, float(mesh.vertices[:, 2].min())) for wall in walls]
     return [*occluders, ao.ground(chosen, plan.ground)] if plan.options.ground else occluders
+
+
+def _solid(wall: Asset, low: float) -> Mesh:
+    """The mesh of an occluder, of terrain with sides down to z = `low`."""
+    if wall.to_system is None:
+        return wall.mesh
+    from ..formats.raster import with_sides
+
+    return with_sides(wall.mesh, low)
 
 
 def _doubts(plan: Plan, mesh: Mesh, walls: Iterable[Mesh]) -> Iterator[str]:

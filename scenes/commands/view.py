@@ -43,12 +43,12 @@ def run_view(
         run_bake(BakeOptions(mesh=[result], output=target, tolerance=_TOLERANCE, up=up, quiet=quiet))
         if not quiet:
             note(f"{result}: there is no w in it; it was baked with --tolerance {_TOLERANCE:g}, for a look")
-        if open:
-            webbrowser.open(target.resolve().as_uri())
-        return
-    summary = view_results(result, other, output, mesh, up, open)
-    if not quiet:
-        print(summary)
+    else:
+        target, summary = view_results(result, other, output, mesh, up)
+        if not quiet:
+            print(summary)
+    if open:
+        webbrowser.open(target.resolve().as_uri())
 
 
 def _is_unbaked(path: Path) -> bool:
@@ -65,9 +65,9 @@ def _is_unbaked(path: Path) -> bool:
 
 
 def view_results(
-    result: Path, other: Path | None, output: Path | None, mesh: Path | None, up: str | None, show: bool = False
-) -> str:
-    """Write the page of one bake, or of two with a slider between, and return a line.
+    result: Path, other: Path | None, output: Path | None, mesh: Path | None, up: str | None
+) -> tuple[Path, str]:
+    """Write the page of one bake, or of two with a slider between, and return its path and a line.
 
     Args: mesh: of `.npy`, `.npz`, `.tif`.
     """
@@ -95,10 +95,8 @@ def view_results(
     title = " and ".join(path.name for path in results)
     page = html_of_bakes(shared_file.mesh, bakes, title, up, base_colour(shared_file))
     write_bytes(target, page)
-    if show:
-        webbrowser.open(target.resolve().as_uri())
     written = f"{target}: {len(shared_file.mesh.vertices):,} vertices, {len(page) / 1e6:.2f} MB; open it in a browser"
-    return "\n".join(printable(line) for line in (written, *lying_notes(shared_file.mesh, up)))
+    return target, "\n".join(printable(line) for line in (written, *lying_notes(shared_file.mesh, up)))
 
 
 def _values(path: Path, count: int, source: Asset | None) -> Values:

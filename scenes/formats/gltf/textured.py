@@ -15,7 +15,7 @@ from ..table import Channels
 from .accessors import flipped, normalized, triangles, values
 from .asset import Gltf
 from .builder import GlbBuilder
-from .occlusion import OcclusionTextures, add_coordinates, free_set
+from .occlusion import OcclusionTextures, add_coordinates, free_set, kept_in_words
 from .orm import OrmTextures
 from .records import Primitive, parse
 from .vertices import draw, take_vertices
@@ -72,8 +72,7 @@ def textured_glb(
         write_ramp(builder, [(primitive, w[vertices]) for primitive, vertices in on_no_page], replace)
     lines = []
     if kept:
-        advice = "so viewers do not show the bake there; --replace-occlusion replaces them"
-        lines.append(f"keeps the file's own occlusion textures (primitives: {kept:,}), {advice}")
+        lines.append(kept_in_words(f"{kept:,}"))
     if textures.apart:
         apart = f"in images apart from metallic-roughness textures ({len(textures.apart):,})"
         reason = "which have other coordinates, are moved by KHR_texture_transform, or are neither PNG nor JPEG"
