@@ -141,7 +141,7 @@ def check(files: list[Path], json: bool, **options: Any) -> int:
 def falloff(baked: Path, half_distance: str, output: Path, power: str | None, mesh: Path | None, quiet: bool) -> None:
     """Change the falloff of a bake that has a profile, without rays."""
     from obscurance.scenes.commands.falloff import change_falloff
-    from obscurance.scenes.formats.falloffs import make_scales
+    from obscurance.scenes.falloffs import make_scales
 
     summary = change_falloff(baked, make_scales(half_distance, power), output, mesh)
     if not quiet:
@@ -298,7 +298,7 @@ def compare(a: Path, b: Path, threshold: float | None, metric: Metric, differenc
 def bench(report: Path | None, **options: Any) -> None:
     """Measure bake time against error on this machine."""
     from obscurance.scenes.commands.bench import bench_file
-    from obscurance.scenes.formats.falloffs import make_falloff
+    from obscurance.scenes.falloffs import make_falloff
 
     written = {name: plain(value) for name, value in options.items()}
     falloff = make_falloff(options["falloff"], None, None, options["max_distance"])

@@ -125,9 +125,7 @@ class Columns:
 
         Raises: OptionError: no package that writes files is installed. Others as `scenes.write`.
         """
-        from obscurance.raytrace.system.entry_points import first_entry_point
-
-        write = first_entry_point("obscurance.save")
+        write = _first_entry_point("obscurance.save")
         if write is None:
             raise OptionError("save", "the package obscurance, installed", "its folders alone: use scenes.write")
         write(path, self, mesh_file, **options)
@@ -189,9 +187,7 @@ class Bake(Columns):
 
     def _repr_html_(self) -> str | None:
         """HTML for notebooks, by a package with an entry point of the group `obscurance.html`."""
-        from obscurance.raytrace.system.entry_points import first_entry_point
-
-        to_html = first_entry_point("obscurance.html")
+        to_html = _first_entry_point("obscurance.html")
         return to_html(self) if to_html and self.at == "vertices" else None
 
     def _repr_png_(self) -> bytes | None:
@@ -382,3 +378,13 @@ def shortfalls(
     if options.thickness:
         return (*texts, *holes(solid))
     return (*texts, *inward_warnings(solid, vertices[: len(solid.vertices)]))
+
+
+def _first_entry_point(group: str) -> Callable[..., Any] | None:
+    """The function that a package above offers for results by an entry point of a group, or None."""
+    from importlib.metadata import entry_points
+
+    for offer in entry_points(group=group):
+        function: Callable[..., Any] = offer.load()
+        return function
+    return None

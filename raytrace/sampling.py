@@ -35,7 +35,14 @@ def _lowbias32(x: Any) -> Any:
     return np.uint32(x ^ (x >> np.uint32(16)))
 
 
-hash32 = inline(_lowbias32)  # of one value, in kernels
+def _splitmix64(x: Any) -> Any:
+    """A bijective hash of one value, uint64 (Steele, Lea & Flood 2014, SplitMix)."""
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))
+
+
+hash32, hash64 = inline(_lowbias32), inline(_splitmix64)  # of one value, in kernels
 
 
 def hash32_array(values: npt.ArrayLike) -> UInt32s:

@@ -2,6 +2,8 @@
 from .asset.asset import Asset as Asset
 from .asset.objects import select_objects as select_objects
 from .bake.uv import unwrap as unwrap
+from .commands.in_python import render as render
+from .commands.in_python import view as view
 from .description.description import SceneDescription as SceneDescription
 from .description.read import read_scene as read_scene
 from .formats.load import load as load
@@ -19,5 +21,3 @@ from .library import BUILTIN as BUILTIN
 from .library import builtin_toml as builtin_toml
 from .library import write_builtin as write_builtin
 from .show.page.document import html_page as html_page
-from .show.pictures import render as render
-from .show.pictures import view as view

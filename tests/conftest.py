@@ -55,7 +55,7 @@ def available_memory(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """A function: let so many bytes be available, or what a function says, for all checks or a module that asks."""
 
     def let(size: int | Callable[[], int] | None, module: str = "obscurance.raytrace.system.checks") -> None:
-        monkeypatch.setattr(f"{module}.available", size if callable(size) else lambda: size)
+        monkeypatch.setattr(f"{module}.available_memory", size if callable(size) else lambda: size)
 
     return let
 

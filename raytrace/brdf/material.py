@@ -98,7 +98,7 @@ class Material(Parameters):
         return Gloss(BLACK, BLACK, 1.0)
 
     def parameters(self) -> list[float]:
-        """The columns from `layout.MODEL` on, in the order the model's file states; first the diffuse colour."""
+        """The columns from `MODEL` on, in the order the model's file states; first the diffuse colour."""
         return [*np.hstack([getattr(self, name) for name in self.columns])]
 
 

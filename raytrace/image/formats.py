@@ -7,8 +7,8 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from ..errors import OptionError
-from ..system.atomic import PathName
+from ..errors import OptionError, OutputError, is_utf8, printable
+from ..system.atomic import PathName, check_writable
 
 FORMATS = {".exr": "openexr", ".png": "png", ".tif": "tiff", ".tiff": "tiff", ".jpg": "jpeg", ".jpeg": "jpeg"}
 LAYERS = {
@@ -39,6 +39,13 @@ def file_format(path: PathName) -> str:
         return FORMATS[Path(path).suffix.lower()]
     except KeyError:
         raise OptionError("output", "a name ending in " + " ".join(FORMATS), os.fspath(path)) from None
+
+
+def check_image_writable(path: PathName) -> None:
+    """Check before the work that an image of this name can be written. Raises: OutputError."""
+    if not is_utf8(os.path.dirname(os.path.realpath(path))):
+        raise OutputError(printable(f"{os.fspath(path)}: cannot write: an image's folder must have a name in UTF-8"))
+    check_writable(path)
 
 
 def openimageio() -> Any:

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import OptionError, OutputError, is_utf8, printable
-from ..system.atomic import PathName, atomic_path, check_writable
+from ..errors import OptionError, OutputError, printable
+from ..system.atomic import PathName, atomic_path
 from ..types import Float32s
 from .colour import dithered, encode_srgb
-from .formats import BY_COUNT, CHANNELS, DATA, LAYERS, NAMESPACE, file_format, openimageio
+from .formats import BY_COUNT, CHANNELS, DATA, LAYERS, NAMESPACE, check_image_writable, file_format, openimageio
 
 _ALWAYS_FLOAT = ("depth", "object_id")
 _LARGEST_HALF = np.float32(65504.0)
@@ -48,9 +48,7 @@ def check_image_target(
         if len(layers) > 1 or layers[0] in DATA:
             got = ", ".join(layers)
             raise OptionError("layers", f"one layer of colours in a {Path(path).suffix} file, or an .exr file", got)
-    if not is_utf8(os.path.dirname(os.path.realpath(path))):
-        raise OutputError(printable(f"{os.fspath(path)}: cannot write: an image's folder must have a name in UTF-8"))
-    check_writable(path)
+    check_image_writable(path)
     return None if layers is None else tuple(layers)
 
 

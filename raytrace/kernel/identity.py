@@ -17,7 +17,7 @@ import numpy as np
 
 PACKAGES = ("raytrace", "ao")
 ROOT = Path(__file__).resolve().parents[2]
-_NO_RESULTS = ("raytrace/text.py", "raytrace/image/write.py", "raytrace/image/write.py", "ao/report.py")
+_NO_RESULTS = ("raytrace/text.py", "raytrace/image/write.py", "ao/report.py")
 """Sources that neither w nor the colour of a pixel depends on, beginnings of their paths."""
 _TAKES_CONSTANT = frozenset(dis.hasconst)
 _ONE_BYTE = 255  # instructions have more for larger numbers

@@ -12,8 +12,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import MeshError, OptionError
+from ..kernel.jit import kernel
+from ..sampling import hash64
 from ..system.parallel import each
-from ..types import AnyInts, Bools, Float64s, Int32Rows, Int32s, Int64s
+from ..types import AnyInts, Bools, Float64s, Int32Rows, Int32s, Int64s, UInt32Rows, UInt64s
 from .opacity import Opacity
 from .smallest_ball import smallest_ball
 
@@ -287,3 +289,36 @@ def up_axis(mesh: Any, up: str | None = None) -> str:
     if up is not None and up not in UP:
         raise OptionError("up", "one of " + ", ".join(UP), up)
     return up or mesh.up or "y"
+
+
+def shape_hash(mesh: Mesh) -> str:
+    """A hash, in hexadecimal digits, of the triangles by their corners' coordinates in float32.
+
+    It is the same whatever the order of vertices and faces, and how often vertices are stored; faces that are turned
+    over have another.
+    """
+    of_vertices = np.empty(len(mesh.vertices), np.uint64)
+    total = np.zeros(1, np.uint64)
+    with np.errstate(over="ignore"):
+        words = (mesh.vertices.astype(np.float32) + np.float32(0)).view(np.uint32)  # 0 and −0 are alike
+    _hash_vertices(words, of_vertices)
+    _add_triangles(of_vertices, mesh.faces, total)
+    return f"{total[0]:016x}"
+
+
+@each("words")
+def _hash_vertices(i: int, words: UInt32Rows, hashes: UInt64s) -> None:
+    """Write the hash (n,) of each vertex. Args: words: (n, 3), the bits of coordinates."""
+    x = hash64(np.uint64(words[i, 0]))
+    x = hash64(x ^ np.uint64(words[i, 1]))
+    hashes[i] = hash64(x ^ np.uint64(words[i, 2]))
+
+
+@kernel
+def _add_triangles(of_vertices: UInt64s, faces: Int32Rows, total: UInt64s) -> None:
+    """Add up hashes of the triangles. Args: of_vertices: (n,), hashes. total: (1,), a sum, written."""
+    for f in range(len(faces)):
+        a = of_vertices[faces[f, 0]]
+        b = of_vertices[faces[f, 1]]
+        c = of_vertices[faces[f, 2]]
+        total[0] += hash64(hash64(b - a) + hash64(c - b) + hash64(a - c))

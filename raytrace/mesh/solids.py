@@ -1,9 +1,10 @@
-"""What the faces of a mesh bound: solids, cavities, solids whose faces look inwards by mistake; and its hash."""
+"""What the faces of a mesh bound: solids, cavities, and solids whose faces look inwards by mistake."""
 
 import numpy as np
 
-from ..kernel.jit import inline, kernel
+from ..kernel.jit import kernel
 from ..kernel.vector import cross, dot, length, load_triangle, subtract
+from ..sampling import hash64
 from ..system.parallel import each
 from ..types import (
     Bools,
@@ -14,7 +15,6 @@ from ..types import (
     Int32s,
     Int64Rows,
     Int64s,
-    UInt32Rows,
     UInt64s,
 )
 from .mesh import Mesh
@@ -148,44 +148,3 @@ def _sum_edges(corners: Int32Rows | Int64Rows, part: Int64s, sums: UInt64s) -> N
                 sums[part[a]] += hashed
             elif a > b:
                 sums[part[a]] -= hashed
-
-
-def shape_hash(mesh: Mesh) -> str:
-    """A hash, in hexadecimal digits, of the triangles by their corners' coordinates in float32.
-
-    It is the same whatever the order of vertices and faces, and how often vertices are stored; faces that are turned
-    over have another.
-    """
-    of_vertices = np.empty(len(mesh.vertices), np.uint64)
-    total = np.zeros(1, np.uint64)
-    with np.errstate(over="ignore"):
-        words = (mesh.vertices.astype(np.float32) + np.float32(0)).view(np.uint32)  # 0 and −0 are alike
-    _hash_vertices(words, of_vertices)
-    _add_triangles(of_vertices, mesh.faces, total)
-    return f"{total[0]:016x}"
-
-
-@each("words")
-def _hash_vertices(i: int, words: UInt32Rows, hashes: UInt64s) -> None:
-    """Write the hash (n,) of each vertex. Args: words: (n, 3), the bits of coordinates."""
-    x = hash64(np.uint64(words[i, 0]))
-    x = hash64(x ^ np.uint64(words[i, 1]))
-    hashes[i] = hash64(x ^ np.uint64(words[i, 2]))
-
-
-@kernel
-def _add_triangles(of_vertices: UInt64s, faces: Int32Rows, total: UInt64s) -> None:
-    """Add up hashes of the triangles. Args: of_vertices: (n,), hashes. total: (1,), a sum, written."""
-    for f in range(len(faces)):
-        a = of_vertices[faces[f, 0]]
-        b = of_vertices[faces[f, 1]]
-        c = of_vertices[faces[f, 2]]
-        total[0] += hash64(hash64(b - a) + hash64(c - b) + hash64(a - c))
-
-
-@inline
-def hash64(x):
-    """A bijective hash of one value, uint64 (Steele, Lea & Flood 2014, SplitMix)."""
-    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return x ^ (x >> np.uint64(31))

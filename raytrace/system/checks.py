@@ -21,7 +21,7 @@ _UNTOUCHED = 640 << 20, 192 << 20  # addresses, private memory: reserved by libr
 _MOST = 1 << 28  # bytes of a report or scene; anything larger is none
 
 
-def available(root: Path = Path("/")) -> int | None:
+def available_memory(root: Path = Path("/")) -> int | None:
     """Bytes of memory that the system, control groups and limits leave to this process; None if nothing can be read."""
     limits = [*_system(root / "proc"), *_control_groups(root), *_own_limits(root / "proc")]
     return max(min(limits), 0) if limits else None
@@ -32,7 +32,7 @@ def check_memory(source: object, needed: int, work: str, instead: dict[str, int]
 
     Args: needed: bytes beyond the memory in use. instead: bytes that other ways to reach the same need, best first.
     """
-    free = available() if needed > NEGLIGIBLE else None
+    free = available_memory() if needed > NEGLIGIBLE else None
     if free is None or needed <= free:
         return
     fitting = [f"{method} takes about {size_text(size)}" for method, size in (instead or {}).items() if size <= free]

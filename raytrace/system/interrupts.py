@@ -32,7 +32,7 @@ def take() -> None:
 
 
 def end_process() -> None:
-    """The same once all is written, while Python ends."""
+    """Both signals end the process in a line, also while Python ends, once all is written."""
     for number in _taken:
         signal.signal(number, _end)
 

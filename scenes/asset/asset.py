@@ -335,7 +335,7 @@ class Asset:
 
     @cached_property
     def profile(self) -> Profile | None:
-        """That a bake has left in the file; None where an object has none, or another's half-distances."""
+        """The profile that a bake has left in the file; None where an object has none, or another's half-distances."""
         profiles = [part.primitive.profile for part in self.parts if part.primitive.profile]
         if len(profiles) < len(self.parts):
             return None

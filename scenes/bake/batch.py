@@ -6,25 +6,29 @@ With `--cluster` small meshes are read, baked and written by the workers of a Da
 from __future__ import annotations
 
 import errno
+import glob
 import json
 import os
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self, get_args
 
-from obscurance.raytrace.errors import printable
-from obscurance.raytrace.system.checks import check_outputs, check_regular
+from obscurance.raytrace.errors import ConflictError, OptionError, printable
+from obscurance.raytrace.system.checks import check_outputs, check_regular, make_folder
 from obscurance.raytrace.system.threads import run_blocks, thread_count
 
+from ..formats.load import STANDARD
+from ..formats.table import endings
 from ..show.progress import progress
 from .console import note, unprinted_warnings, warn
-from .inputs import created_folders
+from .inputs import is_pattern
 from .manifest import MANIFEST, Entry, Manifest, digest
-from .plan import Plan
+from .options import BakeOptions, Format
+from .plan import Plan, in_mesh_units, plan_bake, preset_format
 from .run import Outcome, kept_by, run_in_batch, silence_tolerance_warnings, workers_of
 
 if TYPE_CHECKING:
@@ -43,6 +47,27 @@ class Batch:
 
     plans: Sequence[Plan]
     folder: Path
+
+    @classmethod
+    def of(cls, options: BakeOptions) -> Self:
+        """The batch that the options ask for.
+
+        Raises: OptionError: a file's name for the folder, no inputs, or several that would have one output.
+        """
+        folder = options.output_dir
+        if STANDARD in options.mesh:
+            raise ConflictError("output_dir", "does not go with", "-, standard input")
+        if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
+            raise OptionError("output_dir", "a folder", f"{folder}, the name of a file", nearest="--output")
+        inputs = expand(options.mesh)
+        outputs = outputs_in(folder, inputs, preset_format(options))
+        first, *others = (in_mesh_units(options, mesh) for mesh in inputs)
+        for mesh, scaled in zip(inputs[1:], others, strict=True):
+            if vars(scaled) != vars(first):
+                raise OptionError("mesh", f"files in the unit of {inputs[0]}, as a length has a unit", mesh)
+        plan = plan_bake(options.replaced(mesh=inputs[:1], output=outputs[0]))
+        plans = [plan.with_options(mesh=[mesh], output=output) for mesh, output in zip(inputs, outputs, strict=True)]
+        return cls(plans, folder)
 
     def run(self) -> int:
         """Bake all, going on after faults, each reported in one line. Returns: the exit status, 1 for faults."""
@@ -143,6 +168,71 @@ class Batch:
             for number in sorted({*waiting} - {*small}):
                 bake_here(number, threads)
                 add(1)
+
+
+def expand(given: Iterable[Path]) -> list[Path]:
+    """The files that names and patterns of `glob` stand for, each once.
+
+    Raises: OptionError: a folder, or a pattern that matches nothing.
+    """
+    paths: dict[str, Path] = {}
+    for path in given:
+        if os.path.isdir(path):
+            raise OptionError("mesh", "mesh files", f"{path}, a folder", nearest=_pattern_in(path))
+        matches = [path]
+        if is_pattern(path):
+            names = sorted(glob.glob(str(path), recursive=True))
+            matches = [Path(name) for name in names if os.path.isfile(name)]
+            if not matches:
+                raise OptionError("mesh", "a pattern that matches files", f"{path}, which matches none")
+        for name in matches:
+            paths.setdefault(os.path.realpath(name), name)
+    return list(paths.values())
+
+
+def _pattern_in(folder: Path) -> str | None:
+    """A pattern of the mesh files in a folder, in quotes as a shell takes it."""
+    in_folder = [entry.suffix.lower() for entry in folder.iterdir()]
+    most = max(endings("read"), key=in_folder.count)
+    return f"'{folder / '*'}{most}'" if most in in_folder else None
+
+
+def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:
+    """An output for each input: its name, with another ending, in `folder`.
+
+    Where names are equal the outputs lie below `folder` as the inputs do below the folder that holds them all.
+    """
+    names = [Path(f"{path.stem}.{ending}") for path in inputs]
+    if len({os.path.normcase(name) for name in names}) < len(names):
+        folders = [os.path.abspath(path.parent) for path in inputs]
+        with suppress(ValueError):  # they are on several drives
+            top = os.path.commonpath(folders)
+            names = [Path(os.path.relpath(path, top), name) for path, name in zip(folders, names, strict=True)]
+    input_of: dict[str, Path] = {}
+    for path, name in zip(inputs, names, strict=True):
+        other = input_of.setdefault(os.path.normcase(name), path)
+        if other is not path:
+            expected = "inputs of different names in each folder"
+            raise OptionError("output_dir", expected, f"{other} and {path}, both for {folder / name}")
+    return [folder / name for name in names]
+
+
+@contextmanager
+def created_folders(folders: Iterable[Path], keep: bool) -> Iterator[None]:
+    """Make folders, unless they are there; they go if that or the block fails, or not `keep`. Raises: OutputError."""
+    several = dict.fromkeys(folders)
+    new = {path for folder in several for path in (folder, *folder.parents) if not os.path.exists(path)}
+    passed = False
+    try:
+        for folder in several:
+            make_folder(folder)
+        yield
+        passed = True
+    finally:
+        if not (passed and keep):
+            for path in sorted(new, reverse=True):  # the deepest ones come before those that hold them
+                with suppress(OSError):
+                    path.rmdir()
 
 
 def _note(entry: Entry, outcome: Outcome) -> None:

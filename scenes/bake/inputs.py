@@ -1,4 +1,4 @@
-"""From files to meshes: those of one bake as its plan has them; and names of a batch's inputs, and of its outputs."""
+"""The files of a bake, read: meshes as its plan has them."""
 
 from __future__ import annotations
 
@@ -6,23 +6,19 @@ import glob
 import os
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from obscurance import ao
-from obscurance.raytrace.errors import ConflictError, OptionError
-from obscurance.raytrace.system.checks import make_folder
+from obscurance.raytrace.errors import ConflictError
 
 from ..asset.asset import Asset
 from ..asset.objects import ObjectSelection, match, select_objects
 from ..formats.load import load
-from ..formats.table import endings
-from ..geometry.instances import with_sides
 from ..show.progress import progress
 
 if TYPE_CHECKING:
@@ -102,50 +98,84 @@ def read_inputs(plan: Plan, content: bytes | None = None, source: Any = None) ->
     """
     started = time.perf_counter()
     options = plan.options
-    alpha = options.alpha == "auto"
-    by_name = options.receive or (), options.cast or (), options.exclude or ()
-    names = any(by_name) or options.match_names or options.occluded_by != "all"
-    # What the input is read for; images need the objects and materials that a .ply keeps.
-    target = plan.glb or "images.ply" if plan.kind == "texture" else f"vertices{plan.ending}"
-    # The input, what is baked of it, and the other files.
     reading = partial(progress, options.quiet, "reading", form=options.progress)
     with reading():
-        source = opened(
-            plan.mesh if source is None else source, target=target, content=content, alpha=alpha, up=options.up,
-            names=names, flip=options.flip, points=options.points,
-        )  # fmt: skip
-    if options.points and not source.cloud:
-        raise ConflictError("points", "needs", "the name of a file of points")
-    has_sides = plan.has_sides and not (source.is_scene and plan.ending == ".glb")  # which keeps the file's vertices
-    baked = source.with_mesh(source.split) if has_sides else source
-    chosen = select_objects(baked, *by_name, options.occluded_by, options.output_dir is not None)
+        source = _source(plan, plan.mesh if source is None else source, content)
+    chosen = _chosen(plan, source)
     layout = None
     if plan.kind == "texture":  # whose pages may be refused, before more is read
         from .pages import Layout
 
         layout = Layout.of(plan, source, chosen)
     with reading():
-        high, walls, cage = (
-            [_beside(source, mesh, alpha=alpha, names=options.match_names) for mesh in meshes or ()]
-            for meshes in (options.high, options.occluder, [options.cage] if isinstance(options.cage, Path) else [])
-        )
-    fine = None
-    if high:
-        from obscurance.ao.points.occluders import joined
-
-        fine = joined([file.mesh for file in high], all_normals=True)
-    occluders = _occluders(plan, source.mesh, chosen.mesh, walls)
-    arguments: dict[str, Any] = {"high": fine, "occluders": occluders}
-    if options.match_names:
-        arguments["groups"] = match(source, high)
-    if cage:
-        arguments["cage"] = cage[0].mesh
-    files = [source, *walls, *high, *cage]
+        beside = _FilesBeside.read(plan, source)
+    arguments = beside.arguments(plan, source, chosen.mesh)
+    files = [source, *beside.walls, *beside.high, *beside.cage]
     notes = [note for file in files for note in file.notes]
-    notes += _doubts(plan, source.mesh, [wall.mesh for wall in walls])
+    notes += _doubts(plan, source.mesh, [wall.mesh for wall in beside.walls])
     paths = [path for file in files for path in file.files]
-    inputs = BakeInputs(source, chosen, layout, fine, occluders, arguments, paths, content, notes, started)
+    inputs = BakeInputs(
+        source, chosen, layout, arguments["high"], arguments["occluders"], arguments, paths, content, notes, started
+    )  # fmt: skip
     return inputs if options.between is None else _refined(plan, inputs)
+
+
+def _by_name(plan: Plan) -> tuple[Sequence[str], Sequence[str], Sequence[str]]:
+    """Names and patterns of the objects that get w, that occlude, and that do neither."""
+    return plan.options.receive or (), plan.options.cast or (), plan.options.exclude or ()
+
+
+def _source(plan: Plan, mesh: Any, content: bytes | None) -> Asset:
+    """The input, by its name or in memory, with what its output is to keep of it."""
+    options = plan.options
+    names = any(_by_name(plan)) or options.match_names or options.occluded_by != "all"
+    # Images need the objects and materials that a .ply keeps.
+    target = plan.glb or "images.ply" if plan.kind == "texture" else f"vertices{plan.ending}"
+    source = opened(
+        mesh, target=target, content=content, alpha=options.alpha == "auto", up=options.up, names=names,
+        flip=options.flip, points=options.points,
+    )  # fmt: skip
+    if options.points and not source.cloud:
+        raise ConflictError("points", "needs", "the name of a file of points")
+    return source
+
+
+def _chosen(plan: Plan, source: Asset) -> ObjectSelection:
+    """What is baked of the input: objects by their names, and each side of hard edges, where the output has both."""
+    has_sides = plan.has_sides and not (source.is_scene and plan.ending == ".glb")  # which keeps the file's vertices
+    baked = source.with_mesh(source.split) if has_sides else source
+    return select_objects(baked, *_by_name(plan), plan.options.occluded_by, plan.options.output_dir is not None)
+
+
+class _FilesBeside(NamedTuple):
+    """The files besides the input: finer meshes, occluders, and the cage or nothing."""
+
+    high: list[Asset]
+    walls: list[Asset]
+    cage: list[Asset]
+
+    @classmethod
+    def read(cls, plan: Plan, source: Asset) -> Self:
+        """The files that a plan names. Raises: as `load`."""
+        options = plan.options
+        alpha, names = options.alpha == "auto", options.match_names
+        cage = [options.cage] if isinstance(options.cage, Path) else []
+        given = (options.high or (), options.occluder or (), cage)
+        return cls(*([_beside(source, mesh, alpha=alpha, names=names) for mesh in meshes] for meshes in given))
+
+    def arguments(self, plan: Plan, source: Asset, chosen: Mesh) -> dict[str, Any]:
+        """The arguments of a bake that are made of files. Args: chosen: what is baked of the input."""
+        fine = None
+        if self.high:
+            from obscurance.ao.points.occluders import joined
+
+            fine = joined([file.mesh for file in self.high], all_normals=True)
+        arguments: dict[str, Any] = {"high": fine, "occluders": _occluders(plan, source.mesh, chosen, self.walls)}
+        if plan.options.match_names:
+            arguments["groups"] = match(source, self.high)
+        if self.cage:
+            arguments["cage"] = self.cage[0].mesh
+        return arguments
 
 
 def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
@@ -157,7 +187,7 @@ def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
     from obscurance.raytrace.mesh.corners import split_creases
 
     from ..asset.refined import refined_asset
-    from ..formats.gltf.refined import check_no_skin, refined_glb
+    from ..formats.gltf.vertices import check_no_skin, refined_glb
 
     check_no_skin(inputs.source)
     options, source = plan.options, inputs.source
@@ -186,9 +216,17 @@ def _refined(plan: Plan, inputs: BakeInputs) -> BakeInputs:
 
 def _occluders(plan: Plan, mesh: Mesh, chosen: Mesh, walls: Iterable[Asset]) -> list[Mesh]:
     """What occludes besides the input's mesh, of which some is chosen: rasters with sides, and the ground."""
-    low = float(mesh.vertices[:, 2].min())
-    occluders = [file.mesh if file.to_system is None else with_sides(file.mesh, low) for file in walls]
+    occluders = [_solid(wall, float(mesh.vertices[:, 2].min())) for wall in walls]
     return [*occluders, ao.ground(chosen, plan.ground)] if plan.options.ground else occluders
+
+
+def _solid(wall: Asset, low: float) -> Mesh:
+    """The mesh of an occluder, of terrain with sides down to z = `low`."""
+    if wall.to_system is None:
+        return wall.mesh
+    from ..formats.raster import with_sides
+
+    return with_sides(wall.mesh, low)
 
 
 def _doubts(plan: Plan, mesh: Mesh, walls: Iterable[Mesh]) -> Iterator[str]:
@@ -208,71 +246,6 @@ def _doubts(plan: Plan, mesh: Mesh, walls: Iterable[Mesh]) -> Iterator[str]:
         yield from lying_notes(mesh)
 
 
-def expand(given: Iterable[Path]) -> list[Path]:
-    """The files that names and patterns of `glob` stand for, each once.
-
-    Raises: OptionError: a folder, or a pattern that matches nothing.
-    """
-    paths: dict[str, Path] = {}
-    for path in given:
-        if os.path.isdir(path):
-            raise OptionError("mesh", "mesh files", f"{path}, a folder", nearest=_pattern_in(path))
-        matches = [path]
-        if is_pattern(path):
-            names = sorted(glob.glob(str(path), recursive=True))
-            matches = [Path(name) for name in names if os.path.isfile(name)]
-            if not matches:
-                raise OptionError("mesh", "a pattern that matches files", f"{path}, which matches none")
-        for name in matches:
-            paths.setdefault(os.path.realpath(name), name)
-    return list(paths.values())
-
-
 def is_pattern(path: Path) -> bool:
     """Whether a name is no file's, but a pattern of `glob`."""
     return glob.has_magic(str(path)) and not os.path.exists(path)
-
-
-def _pattern_in(folder: Path) -> str | None:
-    """A pattern of the mesh files in a folder, in quotes as a shell takes it."""
-    in_folder = [entry.suffix.lower() for entry in folder.iterdir()]
-    most = max(endings("read"), key=in_folder.count)
-    return f"'{folder / '*'}{most}'" if most in in_folder else None
-
-
-def outputs_in(folder: Path, inputs: Sequence[Path], ending: str) -> list[Path]:
-    """An output for each input: its name, with another ending, in `folder`.
-
-    Where names are equal the outputs lie below `folder` as the inputs do below the folder that holds them all.
-    """
-    names = [Path(f"{path.stem}.{ending}") for path in inputs]
-    if len({os.path.normcase(name) for name in names}) < len(names):
-        folders = [os.path.abspath(path.parent) for path in inputs]
-        with suppress(ValueError):  # they are on several drives
-            top = os.path.commonpath(folders)
-            names = [Path(os.path.relpath(path, top), name) for path, name in zip(folders, names, strict=True)]
-    input_of: dict[str, Path] = {}
-    for path, name in zip(inputs, names, strict=True):
-        other = input_of.setdefault(os.path.normcase(name), path)
-        if other is not path:
-            expected = "inputs of different names in each folder"
-            raise OptionError("output_dir", expected, f"{other} and {path}, both for {folder / name}")
-    return [folder / name for name in names]
-
-
-@contextmanager
-def created_folders(folders: Iterable[Path], keep: bool) -> Iterator[None]:
-    """Make folders, unless they are there; they go if that or the block fails, or not `keep`. Raises: OutputError."""
-    several = dict.fromkeys(folders)
-    new = {path for folder in several for path in (folder, *folder.parents) if not os.path.exists(path)}
-    passed = False
-    try:
-        for folder in several:
-            make_folder(folder)
-        yield
-        passed = True
-    finally:
-        if not (passed and keep):
-            for path in sorted(new, reverse=True):  # the deepest ones come before those that hold them
-                with suppress(OSError):
-                    path.rmdir()

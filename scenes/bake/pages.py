@@ -212,7 +212,7 @@ class Layout:
         Raises: as `coordinates`, `pages_of`, `outputs_of`, `check_outputs`, `ObjectSelection.of_page`.
         """
         if plan.glb:
-            from ..formats.gltf.textured import check_vertices
+            from ..formats.gltf.vertices import check_vertices
 
             check_vertices(source)
         with progress(plan.options.quiet, "texture coordinates", form=plan.options.progress):

@@ -16,7 +16,7 @@ from obscurance.raytrace.errors import ConflictError, OptionError, Relation, Ter
 from obscurance.raytrace.system.checks import check_ending, check_outputs
 from obscurance.raytrace.system.threads import thread_count
 
-from ..formats.falloffs import make_falloff, table_of
+from ..falloffs import make_falloff, table_of
 from ..formats.images import ENDINGS as IMAGES
 from ..formats.images import MATERIAL, PLACEHOLDERS, UDIM, check_texture_target
 from ..formats.load import unit_of

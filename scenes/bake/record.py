@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from obscurance.raytrace.errors import InputError, SceneError
-from obscurance.raytrace.mesh.solids import shape_hash
+from obscurance.raytrace.mesh.mesh import shape_hash
 
 from ..formats.images import is_texture
 from ..formats.load import parser_errors

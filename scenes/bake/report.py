@@ -38,7 +38,7 @@ class WorkSize(NamedTuple):
 
 def hashed_inputs(plan: Plan, inputs: BakeInputs) -> list[dict[str, Any]]:
     """Files that were read, as a report has them."""
-    from ..formats.falloffs import table_of
+    from ..falloffs import table_of
     from ..show.report.verdict import hashed
 
     return hashed([*inputs.files, *table_of(plan.options.falloff)], {plan.mesh: inputs.content})

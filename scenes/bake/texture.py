@@ -71,15 +71,10 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
         of_glb = until_written.enter_context(open_checkpoint(plan.output)) if plan.glb == plan.output else None
         record = Record.of(plan, inputs.source.mesh).text
         for page in layout.pages:
-            target = page.path(plan.output)
-            checkpoint = of_glb or until_written.enter_context(open_checkpoint(target))
+            checkpoint = of_glb or until_written.enter_context(open_checkpoint(page.path(plan.output)))
             baked = trace_page(plan, inputs, layout, page, checkpoint)
-            title = f"{target}{f', {page.name}' if page.name else ''}"
-            # Warnings that no earlier page has given.
-            remarks = layout_remarks(baked, page.wraps, plan.ending != ".glb")
-            known_warnings = {line for earlier in bakes for line in earlier.warnings}
-            lines = [*baked.shortfalls, *(f"{title}: {line}" for line in remarks)]
-            new_warnings = warn([], [line for line in lines if line not in known_warnings])
+            title = f"{page.path(plan.output)}{f', {page.name}' if page.name else ''}"
+            new_warnings = _warn_of_page(plan, baked, page, title, bakes)
             begun = time.perf_counter()
             with progress(plan.options.quiet, "writing", form=plan.options.progress):
                 _write_images(plan, baked, page, record)
@@ -109,6 +104,16 @@ def _warn(plan: Plan, inputs: BakeInputs, layout: Layout) -> list[str]:
         smaller = f"{cramped:,} faces have charts smaller than a texel and show texels of other faces"
         remarks.append(f"{source.path}: {smaller}; a larger --size or --uv unwrap gives them texels")
     return warn(inputs.meshes, [*inputs.notes, *remarks], plan.falloff)
+
+
+def _warn_of_page(
+    plan: Plan, baked: ao.BakedTexture, page: Page, title: str, earlier: Sequence[BakedPage]
+) -> list[str]:
+    """Print, and return, warnings about a page, by its title, that no earlier one has given."""
+    remarks = layout_remarks(baked, page.wraps, plan.ending != ".glb")
+    known = {line for one in earlier for line in one.warnings}
+    lines = [*baked.shortfalls, *(f"{title}: {line}" for line in remarks)]
+    return warn([], [line for line in lines if line not in known])
 
 
 def trace_page(plan: Plan, inputs: BakeInputs, layout: Layout, page: Page, checkpoint: Kept) -> ao.BakedTexture:

@@ -57,28 +57,12 @@ def coordinates(plan: Plan, source: Asset, chosen: ObjectSelection) -> Coordinat
 
     Raises: MeshError: there are none. OptionError: as `unwrap`, or a page too large.
     """
-    options = plan.options
-    requested = options.uv or "auto"
-    size = plan.size or options.texel_size
-    # Where there can be several textures, faces of no area on the page get one of their own.
-    sets = plan.ending == ".glb" and not options.orm and options.overlap is None
-    mesh, receive, can_unwrap = chosen.mesh, chosen.receive, find_spec("uvunwrap") is not None
+    requested = plan.options.uv or "auto"
+    can_unwrap = find_spec("uvunwrap") is not None
     number = int(requested) if requested.isdecimal() else 0
     uv = None if requested == "unwrap" else source.texture_coordinates(number)
     if uv is not None and requested != "pack":
-        uv = chosen.on_pages(uv)
-        texels = _resolved_size(mesh, uv, size)
-        new = ~on_page(uv) & receive & (requested == "fill")
-        areas = face_areas(mesh.vertices, mesh.faces) * receive
-        cramped = _cramped(mesh, uv, areas, texels)
-        lost = cramped | (on_page(uv) & ~have_area(uv) & (areas > 0))
-        if new.any():
-            uv[new] = unwrap(_faces_only(mesh, new), min(texels))
-        if sets and can_unwrap and min(texels) >= _LEAST and areas[lost].sum() > _WORTH * areas.sum():
-            with suppress(MeshError):  # there is no room for them: they stay, and a line tells of them
-                uv[lost] = unwrap(_faces_only(mesh, lost), min(texels))
-                new |= lost
-        return Coordinates(uv, new, number, texels, int(np.count_nonzero(cramped & ~new)))
+        return _kept(plan, chosen, chosen.on_pages(uv), number)
     if (
         uv is None
         and requested not in ("unwrap", "fill")
@@ -88,13 +72,37 @@ def coordinates(plan: Plan, source: Asset, chosen: ObjectSelection) -> Coordinat
         into = "" if plan.keeps_uv else f" --mesh-output {quote(source.path.stem + '-uv.glb')}"
         advice = f"; {'' if can_unwrap else 'pip install uvunwrap and '}--uv unwrap{into} makes some"
         raise MeshError(source.path, "texture coordinates", f"some{which} on every face", f"none{advice}")
+    # New ones; the page's size by those of triangles alike, of which it is filled.
+    mesh, receive = chosen.mesh, chosen.receive
     share = np.sqrt(2 * _USED / np.count_nonzero(receive))  # of the page's side, of each face
     new_uv = np.full((len(receive), 3, 2), np.nan)
     new_uv[receive] = [[0.0, 0.0], [share, 0.0], [0.0, share]]
-    side = min(_resolved_size(mesh, new_uv, size))
+    side = min(_resolved_size(plan, mesh, new_uv))
     old = None if uv is None else uv[receive]
     new_uv[receive] = unwrap(_faces_only(mesh, receive), side, old)
     return Coordinates(new_uv, receive, None, (side, side))
+
+
+def _kept(plan: Plan, chosen: ObjectSelection, uv: Float64s, number: int) -> Coordinates:
+    """The file's texture coordinates (m, 3, 2), with new ones of faces that have none, if these are to be filled in.
+
+    Where there can be several textures, faces of no area on the page get one of their own. Args: number: of the set.
+    """
+    mesh, receive = chosen.mesh, chosen.receive
+    texels = _resolved_size(plan, mesh, uv)
+    new = ~on_page(uv) & receive & (plan.options.uv == "fill")
+    areas = face_areas(mesh.vertices, mesh.faces) * receive
+    cramped = _cramped(mesh, uv, areas, texels)
+    lost = cramped | (on_page(uv) & ~have_area(uv) & (areas > 0))
+    if new.any():
+        uv[new] = unwrap(_faces_only(mesh, new), min(texels))
+    several = plan.ending == ".glb" and not plan.options.orm and plan.options.overlap is None
+    has_room = find_spec("uvunwrap") is not None and min(texels) >= _LEAST
+    if several and has_room and areas[lost].sum() > _WORTH * areas.sum():
+        with suppress(MeshError):  # there is no room for them: they stay, and a line tells of them
+            uv[lost] = unwrap(_faces_only(mesh, lost), min(texels))
+            new |= lost
+    return Coordinates(uv, new, number, texels, int(np.count_nonzero(cramped & ~new)))
 
 
 def _faces_only(mesh: Mesh, faces: Bools) -> Mesh:
@@ -124,11 +132,11 @@ def _cramped(mesh: Mesh, uv: Float64s, areas: Float64s, size: tuple[int, int]) -
     return is_cramped
 
 
-def _resolved_size(mesh: Mesh, uv: Float64s, size: tuple[int, int] | str) -> tuple[int, int]:
-    """Width and height of the page, in texels. Args: size: as given, or by texel size."""
-    if isinstance(size, tuple):
-        return size
-    length = resolve_length("texel_size", size, mesh.radius)
+def _resolved_size(plan: Plan, mesh: Mesh, uv: Float64s) -> tuple[int, int]:
+    """Width and height of the page, in texels, as given, or by the texel size."""
+    if plan.size:
+        return plan.size
+    length = resolve_length("texel_size", plan.options.texel_size, mesh.radius)
     areas = face_areas(mesh.vertices, mesh.faces)
     shown = on_page(uv)
     return page_size(texels_across(uv[shown], areas[shown], length))

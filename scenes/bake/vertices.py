@@ -54,7 +54,7 @@ def work_size(plan: Plan, inputs: BakeInputs) -> WorkSize:
 
 
 def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iterator[OutputSummary]:
-    """Bake and write. Raises: as `ao.bake` and writers."""
+    """Bake to the vertices, and write the file, its report and its image. Raises: as `ao.bake` and writers."""
     options = plan.options
     check_outputs(plan.outputs, inputs.files)
     loaded = time.perf_counter()

@@ -47,7 +47,7 @@ class Candidate(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What it is called."""
+        """The falloff as the command names it."""
         return f"{self.form} {100 * self.share:.3g}%" if self.share else self.form
 
     @property
@@ -89,7 +89,7 @@ class Comparison(NamedTuple):
 
     @property
     def error(self) -> SquaredError:
-        """Of the values."""
+        """The error of the values."""
         return SquaredError.of(self.values, self.estimates)
 
     def is_surely_better_than(self, other: Comparison) -> bool:

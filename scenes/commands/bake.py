@@ -7,20 +7,21 @@ import sys
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
 
-from obscurance.raytrace.errors import ConflictError, OptionError
+from obscurance.raytrace.errors import ConflictError, ObscuranceError, OptionError, printable
 from obscurance.raytrace.system.atomic import is_standard_output, standard_output
+from obscurance.raytrace.system.checks import available_memory, check_memory, memory_in_use, size_text
+from obscurance.raytrace.system.threads import thread_count
 
-from ..bake.console import quietly
-from ..bake.inputs import expand, is_pattern, outputs_in
-from ..bake.options import BAKE, BakeOptions, Format, check_kind, check_together
-from ..bake.plan import OpenCheckpoint, Plan, in_mesh_units, plan_bake, preset_format
-from ..bake.run import kept_by, run, silence_tolerance_warnings, workers_of
+from ..bake.console import columns, note, quietly
+from ..bake.inputs import is_pattern, read_inputs
+from ..bake.options import BAKE, BakeOptions, check_kind, check_together
+from ..bake.plan import OpenCheckpoint, Plan, plan_bake, preset_format
+from ..bake.report import WorkSize
+from ..bake.run import kept_by, run, silence_tolerance_warnings, work_size, workers_of
 from ..formats.load import PIPED, STANDARD, standard_input
 
-if TYPE_CHECKING:
-    from ..bake.batch import Batch
+_RAYS_A_SECOND = 4e6  # of a thread, in a scan
 
 
 def run_bake(options: BakeOptions) -> int:
@@ -33,13 +34,13 @@ def run_bake(options: BakeOptions) -> int:
     with quietly(options.quiet):
         if not options.output_dir:
             return _run_one(options)
-        batch = _batch(options)
+        from ..bake.batch import Batch
+
+        batch = Batch.of(options)
         if not options.dry_run:
             return batch.run()
-        from .dry_run import dry_run
-
         batch.check_files(keep=False)
-        return dry_run(batch.plans, [batch.manifest])
+        return _dry_run(batch.plans, [batch.manifest])
 
 
 def _run_one(options: BakeOptions) -> int:
@@ -65,9 +66,7 @@ def _run_one(options: BakeOptions) -> int:
         piped, content = standard_input(options.input_format)
         plan = plan_bake(options.replaced(mesh=[piped]), content)
     if options.dry_run:
-        from .dry_run import dry_run
-
-        return dry_run([plan], content=content)
+        return _dry_run([plan], content=content)
     with workers_of(options) as workers:
         _run(plan, content, partial(kept_by, workers))
     if workers and not options.quiet:
@@ -81,31 +80,6 @@ def _run(plan: Plan, content: bytes | None, open_checkpoint: OpenCheckpoint) -> 
         for summary in run(plan, content, open_checkpoint):
             if not plan.options.quiet:
                 print(summary.text, file=sys.stderr if is_standard_output(plan.output) else sys.stdout)
-
-
-def _batch(options: BakeOptions) -> Batch:
-    """The batch that the options ask for. Raises: OptionError: no inputs, or several that would have one output."""
-    folder = options.output_dir
-    if STANDARD in options.mesh:
-        raise ConflictError("output_dir", "does not go with", "-, standard input")
-    _check_folder("output_dir", folder, nearest="--output")
-    inputs = expand(options.mesh)
-    outputs = outputs_in(folder, inputs, preset_format(options))
-    first, *others = (in_mesh_units(options, mesh) for mesh in inputs)
-    for mesh, scaled in zip(inputs[1:], others, strict=True):
-        if vars(scaled) != vars(first):
-            raise OptionError("mesh", f"files in the unit of {inputs[0]}, as a length has a unit", mesh)
-    plan = plan_bake(options.replaced(mesh=inputs[:1], output=outputs[0]))
-    plans = [plan.with_options(mesh=[mesh], output=output) for mesh, output in zip(inputs, outputs, strict=True)]
-    from ..bake.batch import Batch
-
-    return Batch(plans, folder)
-
-
-def _check_folder(option: str, folder: Path, nearest: str | None = None) -> None:
-    """Check that the folder of an option is there, if its name is not an output's. Raises: OptionError."""
-    if folder.suffix.lower().removeprefix(".") in get_args(Format) and not os.path.exists(folder):
-        raise OptionError(option, "a folder", f"{folder}, the name of a file", nearest=nearest)
 
 
 def _check_output(inputs: Sequence[Path], output: Path | None) -> None:
@@ -131,3 +105,75 @@ def _check_output(inputs: Sequence[Path], output: Path | None) -> None:
         raise OptionError("output", "a file", f"{output}, a folder", nearest="--output-dir")
     if several:
         raise OptionError("output", f"--output-dir for {several}", output, nearest="--output-dir")
+
+
+def _dry_run(plans: Sequence[Plan], besides: Sequence[Path] = (), content: bytes | None = None) -> int:
+    """Print points, rays, memory and time that plans would take, and what they, and `besides`, would write.
+
+    Args: content: of the input of the only plan, if it is no file's.
+
+    Returns: the exit status of the bakes, as far as it is known: 1 if one of several would fail.
+    Raises: ObscuranceError: the only one would be refused.
+    """
+    sizes: list[WorkSize] = []
+    paths: list[Path] = []
+    faults: list[ObscuranceError] = []
+    held = 0
+    for plan in plans:
+        try:
+            inputs = read_inputs(plan, content)
+            held = held or memory_in_use() or 0  # before what a bake makes anew
+            work = work_size(plan, inputs)
+            check_memory(plan.mesh, work.bytes, f"to bake {work.points:,} {work.unit}")
+            sizes.append(work)
+            paths += plan.outputs.values()
+        except ObscuranceError as fault:
+            faults.append(fault)
+            if len(plans) > 1:
+                note(str(fault))
+    if sizes:
+        paths += besides
+        lines = [printable(str(path)) + (" in place of the one there" if path.exists() else "") for path in paths[:8]]
+        if len(paths) > 8:
+            lines.append(f"and {len(paths) - 8:,} more")
+        described = [*_described(sizes, plans[0], held), *(("would write", line) for line in lines)]
+        if faults:
+            described.append(("would fail", f"{len(faults):,} of {len(plans):,} meshes"))
+        print(columns(described))
+    elif len(plans) == 1:
+        raise faults[0]
+    return 1 if faults else 0
+
+
+def _described(sizes: Sequence[WorkSize], plan: Plan, held: int) -> list[tuple[str, str]]:
+    """Lines (name, value) about one plan. Args: held: bytes of memory that the process has before it bakes."""
+    points = sum(work.points for work in sizes)
+    unit = sizes[0].unit
+    rays = sum(plan.arguments.rays_in_all(work.points) for work in sizes)
+    meshes = f"{len(sizes):,} meshes, " if len(sizes) > 1 else ""
+    free = available_memory()
+    needed = max(work.bytes for work in sizes)
+    available_text = "" if free is None else f", {size_text(free)} available"
+    return [
+        ("would bake", f"{meshes}at most {points:,} {unit}"),
+        ("rays", f"at most {rays:,}, {rays // max(points, 1):,} each"),
+        (
+            "memory",
+            f"about {size_text(needed + held)} in all, {size_text(needed)} of it beside the mesh{available_text}",
+        ),
+        ("time", _estimated_time(rays, unit, plan)),
+    ]
+
+
+def _estimated_time(rays: int, unit: str, plan: Plan) -> str:
+    """How long the bake of so many rays may take, in words. Args: unit: of the points, as "texels"."""
+    if not rays:
+        return "none: there is nothing to bake"
+    if plan.arguments.tolerance is not None:
+        return "as long as the tolerance takes, which only the bake finds out"
+    most = "at most" if unit == "texels" else "about"
+    threads = thread_count(plan.options.threads)
+    seconds = rays / (_RAYS_A_SECOND * threads)
+    text = f"{seconds:.2g} s" if seconds < 100 else f"{seconds / 60:.0f} minutes"
+    rate = f"{_RAYS_A_SECOND / 1e6:.0f} million rays a second"
+    return f"{most} {text}, with {rate} on each of {threads} threads; reading and writing besides"

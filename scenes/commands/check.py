@@ -13,7 +13,7 @@ import numpy as np
 
 from obscurance.ao.result import SquaredError
 from obscurance.raytrace.errors import ConflictError, MeshError, OptionError, SceneError, printable
-from obscurance.raytrace.mesh.solids import shape_hash
+from obscurance.raytrace.mesh.mesh import shape_hash
 from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_ending, check_outputs, check_regular
 

@@ -13,10 +13,9 @@ from ..asset.asset import Asset
 from ..asset.primitive import StoredBake
 from ..bake.console import warn
 from ..bake.record import Record
-from ..formats.falloffs import Scales
 from ..formats.images import check_texture_target, write_grey
 from ..formats.load import load, read_asset
-from ..formats.stored_w import checked_profile, find_profile, read_beside_w
+from ..formats.stored_w import Scales, checked_profile, find_profile, read_beside_w
 from ..formats.table import endings
 from ..formats.unsupported import unsupported_features
 from ..formats.write import channels, check_target, npy, npz, write_vertices

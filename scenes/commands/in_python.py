@@ -1,14 +1,17 @@
-"""`obscurance.bake`: a mesh or the name of its file, and options of the command, in; w out, and no file."""
+"""`obscurance.bake`, `render` and `view`: what the commands do, in Python, of files or of what is in memory."""
 
 from __future__ import annotations
 
 import os
+import tempfile
+import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from obscurance import raytrace
 from obscurance.ao.declared import known_names
 from obscurance.ao.falloff import Falloffs, Length, falloffs_of
 from obscurance.ao.options import At, BackFaces, Interior, Method, Normals, Weight
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
     from obscurance.ao import Bake
     from obscurance.ao.execute.kept import Kept
     from obscurance.ao.execute.tracer import Progress
+    from obscurance.raytrace import Camera, Frame, Settings
     from obscurance.raytrace.mesh.mesh import Mesh
 
 Surface = str | os.PathLike[str] | Any
@@ -117,6 +121,69 @@ def bake(
         return bake_inputs(plan, inputs, checkpoint, progress)
     with shown_progress(options.quiet, "rays", form=options.progress) as (advance,):
         return bake_inputs(plan, inputs, checkpoint, advance)
+
+
+def render(
+    source: Surface | raytrace.Scene | Bake,
+    camera: Camera | None = None,
+    settings: Settings | None = None,
+    *,
+    threads: int | None = None,
+) -> Frame:
+    """A picture; `save` of the result writes it.
+
+    Args:
+        source: a file that `read_scene` reads, whose w is baked for the picture as the command does; a `raytrace.Scene`
+            with its w; a bake, w on grey; or a mesh, of
+            `load` with what w a bake left in its file, or in any form that `ao.bake` takes.
+        camera: in place of the file's own, or of one that frames everything from the front, the right and above.
+        settings: in place of the file's own; size, samples, shading.
+        threads: by default all cores; the picture is the same.
+
+    Raises: InputError: as `read_scene`, `ao.bake` and `raytrace.render`.
+    """
+    from ..description.mesh_scene import mesh_scene
+    from ..description.obscurance import with_obscurance
+    from ..description.read import read_scene
+
+    used = settings or raytrace.Settings()
+    if isinstance(source, str | os.PathLike):
+        described = read_scene(source, (used.width, used.height) if settings else None)
+        used = settings or described.settings
+        scene, _ = with_obscurance(described, threads)
+        camera = camera or described.camera
+    elif isinstance(source, raytrace.Scene):
+        scene = source
+        camera = camera or raytrace.Camera.framing(scene.flattened(), aspect=used.width / used.height)
+    else:
+        w = getattr(source, "w", None)
+        described = mesh_scene(source if isinstance(source, Asset) else Asset.of(source), used)
+        scene = described.scene
+        if w is not None:
+            scene = scene.with_obscurance(w[described.file_vertices()[0]])
+        camera = camera or described.camera
+    return raytrace.render(scene, camera, used, threads=threads)
+
+
+def view(baked: str | os.PathLike[str] | Bake, path: str | os.PathLike[str] | None = None) -> Path:
+    """Write the page of a bake, or of a baked file, and return its path.
+
+    Args: path: the page, .html; None: in a new temporary folder, and shown in the browser.
+
+    Raises: InputError: the file cannot be read, or has no w. OutputError.
+    """
+    from ..formats.write import write
+
+    target = Path(path or Path(tempfile.mkdtemp()) / "baked.html")
+    if isinstance(baked, str | os.PathLike):
+        from .view import view_results
+
+        view_results(Path(baked), None, target, None, None)
+    else:
+        write(target, baked)
+    if path is None:
+        webbrowser.open(target.resolve().as_uri())
+    return target
 
 
 def _is_name(mesh: Surface) -> bool:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,31 +10,28 @@ import numpy as np
 
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.errors import OptionError, printable
-from obscurance.raytrace.mesh.normals import face_normals
 from obscurance.raytrace.mesh.placement import Placement
 from obscurance.raytrace.mesh.weld import coincident, connected_components
 from obscurance.raytrace.system.atomic import check_writable, write_bytes
 from obscurance.raytrace.system.checks import check_outputs
-from obscurance.raytrace.types import AnyInts, Bools, Float64s, Int64s
+from obscurance.raytrace.types import AnyInts, Bools, Int64s
 
 from ..bake.console import warn
 from ..bake.options import PrunedBy
-from ..formats.gltf.textured import check_vertices
+from ..formats.gltf.vertices import check_vertices, visible_glb
 from ..formats.load import load, parser_errors
 from ..formats.ply.write import bare_ply
-from ..formats.stl import TRIANGLE
+from ..formats.stl import stl
 from ..formats.unsupported import unsupported_features
 from ..show.progress import progress
 
 if TYPE_CHECKING:
-    from ..asset.asset import Asset, Part
-    from ..formats.gltf.asset import Gltf
-    from ..formats.gltf.builder import GlbBuilder
+    from obscurance.ao.unseen import Unseen
+
+    from ..asset.asset import Asset
 
 _ENDINGS = ".glb", ".ply", ".obj", ".stl", ".off"
 _LISTED = 8  # objects that are gone
-_ROUNDED = 1e-6  # of a mesh's extent, by which a vertex may move in an .stl
-_ZERO = {"componentType": 5121, "count": 1, "type": "SCALAR"}  # an accessor of a zero takes no bytes
 
 
 def prune(
@@ -78,13 +74,22 @@ def prune(
         raise OptionError("mesh", f"faces that something {where} sees", f"{source}, without any: is it a room?")
     if ending == ".glb":
         with parser_errors(source):
-            content, face_count = _visible_glb(mesh_file, kept)
+            content, face_count = visible_glb(mesh_file, kept)
     else:
         content = _visible_mesh(mesh_file.mesh, kept, output)
         face_count = int(np.count_nonzero(kept))
     write_bytes(output, content)
     text = f"{output}: {face_count:,} faces; {len(kept) - face_count:,} that nothing {where} sees are gone"
-    # What is gone of each group, those first of which that is least sure.
+    return text + _gone_in_words(unseen, kept, group, names)
+
+
+def _gone_in_words(unseen: Unseen, kept: Bools, group: AnyInts, names: Sequence[str]) -> str:
+    """What is gone of each group, those first of which that is least sure; empty if nothing is.
+
+    Args: kept: (m,), the faces that are not gone. group: (m,), of each face, in `names`.
+    """
+    if kept.all():
+        return ""
     totals = np.bincount(group, minlength=len(names))
     gone = []
     for number in np.unique(group[~kept]).tolist():
@@ -95,8 +100,7 @@ def prune(
     gone.sort(reverse=True)
     listed = ", ".join(printable(line) for _, line in gone[:_LISTED])
     more = f" and {len(gone) - _LISTED:,} more, surer" if len(gone) > _LISTED else ""
-    sure = f": {listed}{more}. Of what each looks at less than its share may be open, with 95 % confidence"
-    return text + (sure if gone else "")
+    return f": {listed}{more}. Of what each looks at less than its share may be open, with 95 % confidence"
 
 
 def _groups(source: Asset, by: PrunedBy) -> tuple[AnyInts, list[str]]:
@@ -136,14 +140,14 @@ def _losses(source: Asset, output: Path) -> Sequence[str]:
 
 
 def _visible_mesh(mesh: Mesh, seen: Bools, output: Path) -> bytes:
-    """The seen faces and their vertices alone, all digits of these kept. Raises: OptionError: as `_stl`."""
+    """The seen faces and their vertices alone, all digits of these kept. Raises: OptionError: as `stl`."""
     used, corners = np.unique(mesh.faces[seen], return_inverse=True)
     vertices, faces = mesh.vertices[used], corners.reshape(-1, 3)
     ending = output.suffix.lower()
     if ending == ".ply":
         return bare_ply(Mesh(vertices, faces))
     if ending == ".stl":
-        return _stl(vertices, faces, output)
+        return stl(vertices, faces, output)
     coordinates = [" ".join(map(repr, row)) for row in vertices.tolist()]
     if ending == ".obj":
         lines = [f"v {row}" for row in coordinates] + ["f {} {} {}".format(*row) for row in (faces + 1).tolist()]
@@ -151,126 +155,3 @@ def _visible_mesh(mesh: Mesh, seen: Bools, output: Path) -> bytes:
         head = "OFF", f"{len(vertices)} {len(faces)} 0"
         lines = [*head, *coordinates, *("3 {} {} {}".format(*row) for row in faces.tolist())]
     return "\n".join([*lines, ""]).encode()
-
-
-def _stl(vertices: Float64s, faces: AnyInts, output: Path) -> bytes:
-    """A binary STL. Raises: OptionError: float32, which it has, moves vertices by a millionth of their extent."""
-    with np.errstate(over="ignore"):
-        rounded = vertices.astype("<f4")
-    moved = np.abs(rounded - vertices).max()
-    if moved > _ROUNDED * np.ptp(vertices, axis=0).max():
-        raise OptionError(
-            "output", "a .ply, .obj or .off, for .stl has float32", f"{output}: vertices move by {moved:.3g}"
-        )
-    table = np.zeros(len(faces), TRIANGLE)
-    table["normal"] = face_normals(vertices, faces)[0]
-    table["vertices"] = rounded[faces]
-    return bytes(80) + len(faces).to_bytes(4, "little") + table.tobytes()
-
-
-def _visible_glb(source: Asset, seen: Bools) -> tuple[bytes, int]:
-    """The document without unseen faces, and how many faces it draws.
-
-    An instance goes if all of its faces are unseen; a face that instances share, if it is unseen in all of them.
-    """
-    from ..formats.gltf.accessors import triangles
-    from ..formats.gltf.asset import Gltf
-    from ..formats.gltf.textured import draw, take_vertices
-    from ..formats.gltf.write import one_buffer
-
-    asset = source.raw
-    assert isinstance(asset, Gltf)
-    builder = one_buffer(asset)
-    meshes = builder.header["meshes"]
-    showing = _visible_nodes(asset, source.parts, seen)
-    kept_faces = _visible_faces(asset, source.parts, seen)
-    # Nodes of which nothing is seen draw nothing any more.
-    for number in {drawn.node for drawn in asset.drawn} - showing:
-        for field in ("mesh", "skin", "weights"):
-            builder.header["nodes"][number].pop(field, None)
-    # Each primitive with its faces that are kept, and their vertices.
-    before = _values_of_primitives(meshes)
-    primitives = {(drawn.mesh, drawn.primitive_number): drawn.primitive for drawn in asset.drawn}
-    for (mesh, number), primitive in primitives.items():
-        faces_kept = kept_faces[mesh, number]
-        stored = meshes[mesh]["primitives"][number]
-        if faces_kept.any():
-            count = asset.geometry.accessors[primitive.attributes["POSITION"]].count
-            faces = triangles(asset, primitive, count)[faces_kept]
-            used, corners = np.unique(faces, return_inverse=True)
-            take_vertices(builder, asset, stored, used)
-            draw(builder, stored, corners)
-        else:
-            meshes[mesh]["primitives"][number] = None
-    _drop_empty_meshes(builder.header)
-    _drop_values(builder, before - _values_of_primitives(builder.header["meshes"]))
-    drawn_faces = [kept_faces[drawn.mesh, drawn.primitive_number] for drawn in asset.drawn if drawn.node in showing]
-    return builder.encode(), sum(int(np.count_nonzero(faces)) for faces in drawn_faces)
-
-
-def _visible_nodes(asset: Gltf, parts: Sequence[Part], seen: Bools) -> set[int]:
-    """The nodes that show something: seen faces, lines or points."""
-    numbers = Counter(mesh for mesh, _ in {(drawn.mesh, drawn.primitive_number) for drawn in asset.drawn})
-    with_lines = {mesh for mesh, count in numbers.items() if count < len(asset.geometry.meshes[mesh].primitives)}
-    instances = zip(asset.drawn, parts, strict=True)
-    return {drawn.node for drawn, part in instances if drawn.mesh in with_lines or seen[part.faces].any()}
-
-
-def _visible_faces(asset: Gltf, parts: Sequence[Part], seen: Bools) -> dict[tuple[int, int], Bools]:
-    """The faces of each mesh and primitive that are seen in some instance; all of a mesh that another scene shows,
-    too."""
-    drawn_nodes = {drawn.node for drawn in asset.drawn}
-    elsewhere = {node.mesh for number, node in enumerate(asset.geometry.nodes) if number not in drawn_nodes}
-    seen_faces: dict[tuple[int, int], Bools] = {}
-    for drawn, part in zip(asset.drawn, parts, strict=True):
-        primitive = drawn.mesh, drawn.primitive_number
-        seen_faces[primitive] = seen[part.faces] | seen_faces.get(primitive, np.bool_(drawn.mesh in elsewhere))
-    return seen_faces
-
-
-def _values_of_primitives(meshes: list[dict[str, Any]]) -> set[int]:
-    """The accessors of all primitives."""
-    primitives = [primitive for mesh in meshes for primitive in mesh["primitives"]]
-    tables = [table for primitive in primitives for table in (primitive["attributes"], *primitive.get("targets", []))]
-    used = {number for table in tables for number in table.values()}
-    return used | {primitive["indices"] for primitive in primitives if "indices" in primitive}
-
-
-def _drop_empty_meshes(header: dict[str, Any]) -> None:
-    """Take primitives that are None out of their meshes, and meshes without primitives out of the document."""
-    for mesh in header["meshes"]:
-        mesh["primitives"] = [primitive for primitive in mesh["primitives"] if primitive]
-    drawn_meshes = [number for number, mesh in enumerate(header["meshes"]) if mesh["primitives"]]
-    header["meshes"] = [header["meshes"][number] for number in drawn_meshes]
-    for node in header["nodes"]:
-        if "mesh" in node:
-            node["mesh"] = drawn_meshes.index(node["mesh"])
-
-
-def _drop_values(builder: GlbBuilder, unused: set[int]) -> None:
-    """Replace accessors that are `unused`, which keep their numbers, by zeros, and drop what no view shows from the
-    buffer."""
-    header = builder.header
-    for number in unused:
-        header["accessors"][number] = dict(_ZERO)
-    used = set(_buffer_views(header))
-    stored = bytes(builder.binary)
-    builder.binary.clear()
-    for number, view in enumerate(header["bufferViews"]):
-        start = view["byteOffset"]
-        if number not in used:
-            view["byteLength"] = 1
-            view.pop("byteStride", None)
-        view["byteOffset"] = builder.add(stored[start : start + view["byteLength"]])
-
-
-def _buffer_views(value: Any) -> Iterator[int]:
-    """Numbers of all buffer views that a document refers to."""
-    if isinstance(value, dict):
-        if isinstance(value.get("bufferView"), int):
-            yield value["bufferView"]
-        value = value.values()
-    elif not isinstance(value, list):
-        return
-    for child in value:
-        yield from _buffer_views(child)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from obscurance.raytrace.types import Float32s
 
     from ..description.description import SceneDescription
-    from ..formats.falloffs import Scales
+    from ..formats.stored_w import Scales
     from ..show.progress import Advance
     from ..show.report.pictures import Picture
 
@@ -64,7 +64,7 @@ def _render(options: RenderOptions, output: Path) -> None:
         check_ending("--report", options.report, *REPORTS)
     from ..bake.run import workers_of
     from ..description.read import read_scene
-    from ..formats.falloffs import make_scales
+    from ..falloffs import make_scales
     from ..formats.stored_w import check_stored
     from ..show.report.verdict import hashed
 
@@ -74,10 +74,7 @@ def _render(options: RenderOptions, output: Path) -> None:
     # The scene as the options have it.
     read = read_scene(options.scene, size, options.up, options.view)
     description = _adjusted(read, options.replaced(crop=crop), scales)
-    views, targets = [description], [output]
-    if options.turntable is not None:
-        views = description.turntable(options.turntable)
-        targets = [output.with_stem(f"{output.stem}_{number:04}") for number in range(1, len(views) + 1)]
+    views, targets = _views(description, options.turntable, output)
     for target in targets:
         check_outputs({"--output": target, "--report": options.report}, [options.scene, *description.files])
     inputs = hashed([options.scene, *description.files]) if options.report else []
@@ -101,6 +98,16 @@ def _render(options: RenderOptions, output: Path) -> None:
         print("\n".join(lines))
         if workers:
             print(workers.summary())
+
+
+def _views(
+    description: SceneDescription, turntable: int | None, output: Path
+) -> tuple[list[SceneDescription], list[Path]]:
+    """The pictures to render, several of a turntable, and the file of each."""
+    if turntable is None:
+        return [description], [output]
+    views = description.turntable(turntable)
+    return views, [output.with_stem(f"{output.stem}_{number:04}") for number in range(1, len(views) + 1)]
 
 
 def _crop(text: str) -> tuple[int, int, int, int]:

@@ -13,7 +13,7 @@ from obscurance.raytrace.lights.sources import AmbientLight, BaseLight, Directio
 from obscurance.raytrace.mesh.mesh import TO_Y_UP, UP, up_axis
 from obscurance.raytrace.types import Int64s
 
-from ..formats.falloffs import Scales
+from ..formats.stored_w import Scales
 from ..geometry.instances import rotation_about
 from ..geometry.primitives import Origin
 

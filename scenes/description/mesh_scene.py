@@ -26,6 +26,7 @@ from obscurance.raytrace import (
     OptionError,
     Scene,
     Settings,
+    Texture,
 )
 from obscurance.raytrace.errors import printable
 from obscurance.raytrace.lights.sources import BaseLight
@@ -37,7 +38,7 @@ from obscurance.raytrace.types import Float64s, Int64s
 from ..asset import material as stored
 from ..asset.asset import Asset, Node
 from ..asset.objects import ObjectSelection
-from ..asset.primitive import Column
+from ..asset.primitive import Column, Primitive
 from ..formats.load import load, parser_errors, read_asset
 from ..formats.table import format_of, is_raster
 from ..geometry.primitives import Origin, TexturedMesh
@@ -116,7 +117,7 @@ def _shown(source: Asset) -> Asset:
 
 def _reflections(source: Asset) -> dict[int, Material]:
     """The reflection models of the materials that primitives have, by their numbers."""
-    used = {number for part in source.parts for number in _kinds(part.primitive.of_faces(part.primitive.material))}
+    used = {number for part in source.parts for number in _distinct(part.primitive.of_faces(part.primitive.material))}
     numbers = sorted(used - {-1})
     if source.is_scene:
         from .gltf_scene import gltf_materials
@@ -125,8 +126,8 @@ def _reflections(source: Asset) -> dict[int, Material]:
     return {number: reflection(source.material(number)) for number in numbers}
 
 
-def _kinds(numbers: Int64s) -> list[int]:
-    """The different ones of numbers from −2 on, ascending."""
+def _distinct(numbers: Int64s) -> list[int]:
+    """The distinct ones of numbers that are −2 or more, ascending."""
     return (np.flatnonzero(np.bincount(numbers + 2)) - 2).tolist()
 
 
@@ -146,15 +147,8 @@ def _shapes(source: Asset, models: Mapping[int, Material]) -> Iterator[tuple[Sha
     apart; and their origins in the file. Vertices are repeated at creases and where texture coordinates jump."""
     primitive = source.parts[0].primitive
     total = len(primitive.positions)
-    # The faces of each material, those without texture coordinates apart.
-    group = 2 * primitive.of_faces(primitive.material)
-    textures = {}
-    for number in _kinds(group // 2):
-        if found := source.looked_up(primitive, source.material(number).texture):
-            textures[number] = found
-            faces = np.flatnonzero(group == 2 * number)
-            group[faces] += ~np.isnan(found[0].values[primitive.rows(found[0])[faces]]).any(axis=(1, 2))
-    numbers = _kinds(group)
+    group, textures = _groups(source, primitive)
+    numbers = _distinct(group)
     # Their vertices; where all are one shape that is split at creases alone, it does so itself.
     first = primitive.columns.get("uv0") if textures else None
     uv = source.per_corner("uv0") if first and first.of is not None else None
@@ -190,6 +184,19 @@ def _shapes(source: Asset, models: Mapping[int, Material]) -> Iterator[tuple[Sha
             rows = rows[again]
         yield shape, Origin(rows, total)
         total = 0  # of further parts of the file
+
+
+def _groups(source: Asset, primitive: Primitive) -> tuple[Int64s, dict[int, tuple[Column, Texture]]]:
+    """The group (m,) of each face, twice the number of its material, and 1 more with texture coordinates; and the
+    texture of each material that has one, with the column by which it is looked up."""
+    group = 2 * primitive.of_faces(primitive.material)
+    textures = {}
+    for number in _distinct(group // 2):
+        if found := source.looked_up(primitive, source.material(number).texture):
+            textures[number] = found
+            faces = np.flatnonzero(group == 2 * number)
+            group[faces] += ~np.isnan(found[0].values[primitive.rows(found[0])[faces]]).any(axis=(1, 2))
+    return group, textures
 
 
 def read_mesh(path: Path, textured: bool, own_normals: bool = True) -> tuple[TexturedMesh, list[str]]:

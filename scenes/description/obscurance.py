@@ -14,7 +14,7 @@ from obscurance.raytrace import Camera, EnvironmentLight, SkyLight
 from obscurance.raytrace.renderer.render import seen_vertices
 from obscurance.raytrace.renderer.render_scene import release
 from obscurance.raytrace.scene import Scene
-from obscurance.raytrace.system.checks import available
+from obscurance.raytrace.system.checks import available_memory
 
 from ..formats.stored_w import read_w
 from .description import SceneDescription
@@ -55,7 +55,7 @@ def with_obscurance(
     only = seen & ~np.repeat(textured, [len(item.shape.mesh.vertices) for item in scene.objects])
     # Without the geometry of the picture where both do not fit.
     mesh = scene.flattened()
-    room = available()
+    room = available_memory()
     options = description.bake
     if room is not None and vertex_bytes(len(mesh.vertices), len(mesh.faces), options.rays) > room:
         release(scene)  # the bake does not fit beside the geometry, which is built again for the picture

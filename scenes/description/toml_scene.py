@@ -17,8 +17,8 @@ from obscurance.raytrace.mesh.mesh import UP
 from obscurance.raytrace.system.checks import check_regular
 from obscurance.raytrace.system.records import fields_of
 
-from ..formats.falloffs import Scales, make_falloff, make_scales, table_of
-from ..formats.stored_w import ENDINGS
+from ..falloffs import make_falloff, make_scales, table_of
+from ..formats.stored_w import ENDINGS, Scales
 from ..json_toml import check_keys, located, shown
 from ..safe_paths import confined
 from .description import SceneDescription, Source, three_lights

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from obscurance.raytrace.errors import OptionError, OutputError, is_utf8, printable
-from obscurance.raytrace.system.atomic import PathName, check_writable
+from obscurance.raytrace.errors import OptionError
+from obscurance.raytrace.system.atomic import PathName
 from obscurance.raytrace.types import Float32s, Float64s
 
 if TYPE_CHECKING:
@@ -31,13 +31,13 @@ def check_texture_target(option: str, path: Path, half: bool = False) -> None:
 
     Raises: OptionError: the ending is that of no image, or of one without floats for 16 bits. OutputError.
     """
+    from obscurance.raytrace.image.formats import check_image_writable
+
     if not is_texture(path):
         raise OptionError(option, "a name ending in " + " ".join(ENDINGS), os.fspath(path))
     if half and path.suffix.lower() == ".png":
         raise OptionError("half", "images that end in .exr or .tif", os.fspath(path))
-    if not is_utf8(os.path.dirname(os.path.realpath(path))):
-        raise OutputError(printable(f"{path}: cannot write: an image's folder must have a name in UTF-8"))
-    check_writable(path)
+    check_image_writable(path)
 
 
 def udim_tiles(uv: Float64s, source: object) -> list[tuple[int, int]]:

@@ -19,6 +19,7 @@ import numpy as np
 
 from obscurance.ao import Bake
 from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Bools, Float64s
 
@@ -91,6 +92,22 @@ def read_raster(mesh_input: MeshInput) -> Asset:
     to_system[:2, 3] = transform.c, transform.f
     surface = Primitive.of(vertices, faces.ravel())
     return Asset.single(mesh_input.path, mesh_input.name, surface, notes, up="z", to_system=to_system)
+
+
+def with_sides(mesh: Mesh, low: float) -> Mesh:
+    """Terrain, a surface z of x and y, as solid: with vertical sides from its borders down to z = `low`, or lower."""
+    low = min(low, float(mesh.vertices[:, 2].min()))
+    count = len(mesh.vertices)
+    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+    border = edges[~np.isin(edges @ [count, 1], edges[:, ::-1] @ [count, 1])]  # those of one face
+    foot = np.unique(border)
+    below = mesh.vertices[foot] * [1, 1, 0] + [0, 0, low]
+    a, b = border.T
+    down_a, down_b = count + np.searchsorted(foot, border).T
+    sides = np.concatenate([np.stack([a, down_a, b], axis=1), np.stack([b, down_a, down_b], axis=1)])
+    return Mesh(
+        np.concatenate([mesh.vertices, below]), np.concatenate([mesh.faces, sides]), source=mesh.source, up=mesh.up
+    )
 
 
 def _system_of(raster: DatasetReader, path: Path) -> CRS | None:

@@ -5,10 +5,13 @@ a file, where what trimesh reads takes 22 times (evidence/reliability.md).
 """
 
 import re
+from pathlib import Path
 
 import numpy as np
 
-from obscurance.raytrace.errors import MeshError
+from obscurance.raytrace.errors import MeshError, OptionError
+from obscurance.raytrace.mesh.normals import face_normals
+from obscurance.raytrace.types import AnyInts, Float64s
 
 from ..asset.asset import Asset
 from ..asset.primitive import Primitive
@@ -16,8 +19,9 @@ from .number_rows import NumberRows
 from .table import MeshInput
 
 _HEADER = 84
-TRIANGLE = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
 """A triangle of a binary STL."""
+_ROUNDED = 1e-6  # of a mesh's extent, by which a written vertex may move
 _NAME = re.compile(rb"solid([^\r\n]*)", re.IGNORECASE)
 
 
@@ -29,8 +33,8 @@ def read_stl(mesh_input: MeshInput) -> Asset:
     data = mesh_input.file.read()
     unread: tuple[str, ...] = ()
     announced = int.from_bytes(data[80:_HEADER], "little")
-    if len(data) == _HEADER + announced * TRIANGLE.itemsize:
-        table = np.frombuffer(data, TRIANGLE, announced, _HEADER)
+    if len(data) == _HEADER + announced * _TRIANGLE.itemsize:
+        table = np.frombuffer(data, _TRIANGLE, announced, _HEADER)
         solids = [("", table["vertices"].reshape(-1, 3))]
         unread = ("attributes of triangles, as colours are stored",) if table["attribute"].any() else ()
     else:
@@ -66,6 +70,21 @@ def _solids(data: bytes, source: str) -> list[tuple[str, np.ndarray]]:
     if not solids:
         raise damaged
     return solids
+
+
+def stl(vertices: Float64s, faces: AnyInts, output: Path) -> bytes:
+    """The triangles as a binary STL. Raises: OptionError: float32 moves vertices by a millionth of their extent."""
+    with np.errstate(over="ignore"):
+        rounded = vertices.astype("<f4")
+    moved = np.abs(rounded - vertices).max()
+    if moved > _ROUNDED * np.ptp(vertices, axis=0).max():
+        raise OptionError(
+            "output", "a .ply, .obj or .off, for .stl has float32", f"{output}: vertices move by {moved:.3g}"
+        )
+    table = np.zeros(len(faces), _TRIANGLE)
+    table["normal"] = face_normals(vertices, faces)[0]
+    table["vertices"] = rounded[faces]
+    return bytes(80) + len(faces).to_bytes(4, "little") + table.tobytes()
 
 
 FORMATS = (

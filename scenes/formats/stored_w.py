@@ -29,11 +29,22 @@ from .table import endings, format_of, is_raster
 ENDINGS = endings("w")
 if TYPE_CHECKING:
     from obscurance.ao import Profile
-
-    from .falloffs import Scales
+    from obscurance.ao.falloff import Length
 
 _ARRAYS = {"profile", "half_distances", "radius"}
 _BESIDE = {"error": (), "flags": (), "bent_normals": (3,)}
+
+
+class Scales(NamedTuple):
+    """w as a product of powers of w at several half-distances: fine creases times large rooms."""
+
+    half_distances: tuple[Length, ...]
+    powers: tuple[float, ...]
+
+    def of(self, profile: Profile) -> Float64s:
+        """w (…,), in [0, 1]. Raises: OptionError: a half-distance is outside the profile."""
+        pairs = zip(self.half_distances, self.powers, strict=True)
+        return np.asarray(np.multiply.reduce([profile.at(length) ** power for length, power in pairs]))
 
 
 def check_stored(path: Path) -> None:

@@ -72,7 +72,7 @@ def write(
     - `.html`: a page for a browser, everything in it (`scenes.show.page.document`).
     - `.png` `.exr` `.tif`, of a texture: w, linear, PNG of 16 bits, else float32.
 
-    Of textures a `.glb` has each as the occlusion texture of the faces that it is for (`textured_glb.textured_glb`).
+    Of textures a `.glb` has each as the occlusion texture of the faces that it is for (`scenes.formats.gltf.textured`).
 
     What the source holds besides is kept as far as the format can hold it; `scenes.formats.unsupported` lists what is
     not.

@@ -6,28 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from obscurance.raytrace.errors import InputError, MeshError
-from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.system.checks import check_memory
 from obscurance.raytrace.types import Float64s
 
 MAX_COPIED = 20_000_000
 _ROW = 80  # bytes of a placed vertex or triangle, with copies on the way to a mesh
-
-
-def with_sides(mesh: Mesh, low: float) -> Mesh:
-    """Terrain, a surface z of x and y, as solid: with vertical sides from its borders down to z = `low`, or lower."""
-    low = min(low, float(mesh.vertices[:, 2].min()))
-    count = len(mesh.vertices)
-    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
-    border = edges[~np.isin(edges @ [count, 1], edges[:, ::-1] @ [count, 1])]  # those of one face
-    foot = np.unique(border)
-    below = mesh.vertices[foot] * [1, 1, 0] + [0, 0, low]
-    a, b = border.T
-    down_a, down_b = count + np.searchsorted(foot, border).T
-    sides = np.concatenate([np.stack([a, down_a, b], axis=1), np.stack([b, down_a, down_b], axis=1)])
-    return Mesh(
-        np.concatenate([mesh.vertices, below]), np.concatenate([mesh.faces, sides]), source=mesh.source, up=mesh.up
-    )
 
 
 def check_copies(

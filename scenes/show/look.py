@@ -30,7 +30,7 @@ FLAGS = {
     "missed": "#ff8a1f",
     "contact": "#8a5cff",
 }
-"""Of the dot on a vertex; in the order of the bits of `ao.Flag`."""
+"""The colour of the dot on a vertex with a flag; in the order of the bits of `ao.Flag`."""
 LOOK: dict[str, Any] = {
     "fieldOfView": FIELD_OF_VIEW,
     "clay": CLAY,

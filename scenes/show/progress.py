@@ -49,7 +49,8 @@ def progress(
 
 @contextmanager
 def _first_if_late(advances: Sequence[Advance]) -> Iterator[tuple[Advance, ...]]:
-    """The same, of which the first is called by itself where none is in time."""
+    """The same functions, the first of which calls itself once if none has been called after a second: so a stage that
+    counts nothing is shown, too."""
     called = threading.Event()
 
     def heard(advance: Advance) -> Advance:

@@ -19,7 +19,7 @@ ORDER = [
     *("ao.result", "ao.methods", "ao.texture"),
     *("ao.interpolation_error", "ao.baking", "ao.refine", "ao.unseen", "ao.report", "ao.cluster", "ao.closed_forms"),
     *("scenes.json_toml", "scenes.safe_paths", "scenes.geometry", "scenes.asset", "scenes.formats"),
-    "scenes.description",
+    *("scenes.falloffs", "scenes.description"),
     *("scenes.show", "scenes.library", "scenes.validation", "scenes.bake", "scenes.check", "scenes.commands"),
     "cli",
 ]
@@ -118,7 +118,7 @@ def test_nothing_is_imported_by_a_name_that_only_the_source_tree_has():
 ONE_EACH = ("raytrace.brdf.models", "scenes.formats", "scenes.commands")
 """Folders where a file is a model, a format or a command: as short as that is, and as many as there are."""
 SHORT = {
-    *("raytrace.settings", "raytrace.kernel.arrays", "raytrace.system.entry_points", "scenes.description.read"),
+    *("raytrace.settings", "raytrace.kernel.arrays", "scenes.description.read"),
     "ao.rays.ray_scene",
 }
 """Others below 60 lines, found by their names, that belong into no larger file."""

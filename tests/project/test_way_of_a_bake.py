@@ -22,7 +22,6 @@ NEEDLESS = {
         "obscurance.ao.execute.sample_means",
     ),
     *(
-        "obscurance.raytrace.system.entry_points",
         "obscurance.scenes.safe_paths",
         "obscurance.scenes.commands.usage",
     ),

@@ -84,7 +84,7 @@ class Gltf(Stored):
 
     @property
     def record(self) -> str:  # type: ignore[override]
-        """Of the bake whose w it holds, as `describe_bake` writes it."""
+        """The record of the bake whose w it holds, as `describe_bake` writes it."""
         extras = self.header.get("asset", {}).get("extras")
         return str(extras.get(RECORD, "")) if isinstance(extras, dict) else ""
 

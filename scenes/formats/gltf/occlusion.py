@@ -98,6 +98,12 @@ class OcclusionTextures:
         return self.replace or reference is None or image_name(header, reference).startswith(OWN)
 
 
+def kept_in_words(primitives: str) -> str:
+    """A warning that occlusion textures of the source stay. Args: primitives: how many have these, in words."""
+    advice = "so viewers do not show the bake there; --replace-occlusion replaces them"
+    return f"keeps the file's own occlusion textures (primitives: {primitives}), {advice}"
+
+
 def texture_reference(texture: int, coordinates: int) -> dict[str, Any]:
     """A material's reference to a texture by a TEXCOORD set."""
     return {"index": texture, **({"texCoord": coordinates} if coordinates else {})}

@@ -162,7 +162,7 @@ class GltfTexture(Record):
 
     @property
     def unreadable(self) -> int | None:
-        """Number of the image in one that is not."""
+        """Number of the image in a format that is not read."""
         return self.avif if self.ktx2 is None else self.ktx2
 
 

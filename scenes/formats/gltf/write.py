@@ -20,7 +20,7 @@ from ..table import Channels
 from .accessors import stored_colors
 from .asset import DRACO, MESHOPT, Gltf
 from .builder import GlbBuilder
-from .occlusion import RAMP, OcclusionTextures, add_coordinates, free_set
+from .occlusion import RAMP, OcclusionTextures, add_coordinates, free_set, kept_in_words
 from .plain import Drawn, plain
 
 LEVELS = 256
@@ -180,8 +180,7 @@ def ramp_warnings(asset: Asset, replace: bool) -> list[str]:
     taking = [primitive for primitive in primitives if textures.materials(primitive)]
     lines = []
     if left_out := len(primitives) - len(taking):
-        of = f"keeps the file's own occlusion textures (primitives: {left_out:,} of {len(primitives):,})"
-        lines.append(f"{of}, so viewers do not show the bake there; --replace-occlusion replaces them")
+        lines.append(kept_in_words(f"{left_out:,} of {len(primitives):,}"))
     highest = max((free_set(header, primitive) for primitive in taking), default=0)
     if highest >= SETS_OF_ALL_VIEWERS:
         most = f"not every viewer reads more than {SETS_OF_ALL_VIEWERS}"

@@ -118,7 +118,7 @@ class ObjText:
         self.corners = of_vertices - 1
 
     def _survey(self) -> None:
-        """`runs`; tallies (blocks, 4, 6) of `lines.survey`, and their sums before each block (blocks + 1, 4, 6)."""
+        """`runs`; tallies (blocks, 4, 6) of `survey`, and their sums before each block (blocks + 1, 4, 6)."""
         tallies = np.zeros((len(self._blocks), F + 1, SLASHES + 1), np.int64)
         runs_of = [np.empty((0, 3), np.int64)] * len(tallies)
 

@@ -52,7 +52,7 @@ def pictures_of_vertices(mesh: Mesh, w: AnyFloats, error: AnyFloats) -> list[Pic
 
 
 def pictures_of_faces(mesh: Mesh, w: AnyFloats, error: AnyFloats) -> list[Picture]:
-    """The same of a bake at the faces. Args: w, error: (m,)."""
+    """A bake at the faces, as `pictures_of_vertices` shows it. Args: w, error: (m,)."""
     corners = np.arange(3 * len(w)).reshape(-1, 3)
     apart = Mesh(mesh.vertices[mesh.faces].reshape(-1, 3), corners, source=mesh.source, up=mesh.up)
     return pictures_of_vertices(apart, np.repeat(w, 3), np.repeat(error, 3))

@@ -11,7 +11,7 @@ import numpy as np
 from obscurance import ao
 from obscurance.ao.closed_forms import wall
 from obscurance.raytrace import Mesh
-from obscurance.scenes.formats.falloffs import make_falloff
+from obscurance.scenes.falloffs import make_falloff
 from obscurance.scenes.geometry.polyhedra import join, patches, polygon
 
 falloff = make_falloff("smoother", max_distance="50%")

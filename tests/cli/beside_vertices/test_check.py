@@ -13,8 +13,7 @@ from uv_meshes import FLOOR_AND_WALL
 from obscurance import ao
 from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.raytrace.image.write import linear_png
-from obscurance.raytrace.mesh.mesh import Mesh
-from obscurance.raytrace.mesh.solids import shape_hash
+from obscurance.raytrace.mesh.mesh import Mesh, shape_hash
 from obscurance.scenes.bake.record import Record
 from obscurance.scenes.formats.load import load
 

@@ -17,7 +17,7 @@ from obscurance.ao.memory import surface_bytes, vertex_bytes
 from obscurance.raytrace import InputError, Lambert, MemoryLimitError, Mesh, Object, Scene, Settings, Shape
 from obscurance.raytrace.renderer import render_scene
 from obscurance.raytrace.renderer.render import rendering_bytes
-from obscurance.raytrace.system.checks import available, check_memory
+from obscurance.raytrace.system.checks import available_memory, check_memory
 from obscurance.scenes.description.obscurance import with_obscurance
 from obscurance.scenes.description.read import read_scene
 from obscurance.scenes.formats.load import load
@@ -39,7 +39,7 @@ def machine(tmp_path, free="8388608", groups="", **files):
 
 
 def test_the_system_reports_what_is_available(tmp_path):
-    assert available(machine(tmp_path)) == 8 << 30
+    assert available_memory(machine(tmp_path)) == 8 << 30
 
 
 def version_1(limit):
@@ -52,12 +52,12 @@ def version_1(limit):
 
 def test_a_group_of_version_1_limits_it_and_file_pages_count_as_free(tmp_path):
     root = machine(tmp_path, groups="9:name=systemd:/\n4:memory:/jobs/own\n", **version_1(1000 * MIB))
-    assert available(root) == 800 * MIB
+    assert available_memory(root) == 800 * MIB
 
 
 def test_no_limit_in_a_group_is_none(tmp_path):
     root = machine(tmp_path, groups="4:cpu,memory:/jobs\n", **version_1(9223372036854771712))
-    assert available(root) == 8 << 30
+    assert available_memory(root) == 8 << 30
 
 
 def test_the_tightest_group_of_version_2_counts(tmp_path):
@@ -65,20 +65,20 @@ def test_the_tightest_group_of_version_2_counts(tmp_path):
     for path, limit in (("pod", f"{700 * MIB}\n"), ("pod/own", "max\n")):
         files |= {f"{path}/memory.max": limit, f"{path}/memory.current": f"{900 * MIB}\n"}
         files |= {f"{path}/memory.stat": f"anon 3\ninactive_file {200 * MIB}\nactive_file {50 * MIB}\n"}
-    assert available(machine(tmp_path, groups="0::/pod/own\n", **files)) == 50 * MIB
+    assert available_memory(machine(tmp_path, groups="0::/pod/own\n", **files)) == 50 * MIB
 
 
 @pytest.mark.parametrize("content", ["", "garbage\n", "1:memory\n"])
 def test_what_makes_no_sense_limits_nothing(tmp_path, content):
     root = machine(tmp_path, free="lots", groups=content if content.count(":") == 2 else "")
     (root / "proc" / "meminfo").write_text(content)
-    assert available(root) > 0
+    assert available_memory(root) > 0
 
 
 @LINUX
 @pytest.mark.parametrize("kind", [resource.RLIMIT_AS, resource.RLIMIT_DATA], ids=["addresses", "data"])
 def test_a_limit_of_the_process_limits_it(kind):
-    code = "from obscurance.raytrace.system.checks import available; print(available())"
+    code = "from obscurance.raytrace.system.checks import available_memory; print(available_memory())"
     limit = 4 << 30
     result = subprocess.run(
         [sys.executable, "-c", code],
@@ -220,7 +220,7 @@ def test_a_dry_run_says_what_a_bake_takes(ending, target, options, tmp_path):
     assert 1 / 1.2 < said / taken < 1.2
 
 
-SMALL = "from obscurance.raytrace.system import checks; checks.available = lambda: 160 << 20; "
+SMALL = "from obscurance.raytrace.system import checks; checks.available_memory = lambda: 160 << 20; "
 SMALL += "from obscurance import cli; cli.main()"
 
 

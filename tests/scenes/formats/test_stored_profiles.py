@@ -13,7 +13,7 @@ from obscurance import ao
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.errors import SceneError
 from obscurance.scenes.asset.asset import Asset
-from obscurance.scenes.formats.falloffs import make_scales
+from obscurance.scenes.falloffs import make_scales
 from obscurance.scenes.formats.images import write_grey
 from obscurance.scenes.formats.load import load
 from obscurance.scenes.formats.stored_w import find_profile, read_w

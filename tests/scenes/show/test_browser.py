@@ -14,10 +14,10 @@ from obscurance.raytrace import render
 from obscurance.raytrace.image.colour import encode_srgb
 from obscurance.raytrace.image.compare import compare
 from obscurance.raytrace.image.read import read_image
+from obscurance.scenes.commands.view import view_results
 from obscurance.scenes.show.look import clay_scene, clay_settings
 from obscurance.scenes.show.page.document import html_of_bakes
 from obscurance.scenes.show.page.encode import Values
-from obscurance.scenes.show.page.view import view_results
 
 pytestmark = pytest.mark.skipif(chromium.MISSING is not None, reason=str(chromium.MISSING))
 

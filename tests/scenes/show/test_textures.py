@@ -4,7 +4,7 @@ import numpy as np
 from gltf_samples import half_textured
 from pages import columns_of, facts_of
 
-from obscurance.scenes.show.page.view import view_results
+from obscurance.scenes.commands.view import view_results
 
 CODES = np.random.default_rng(0).integers(0, 256, (4, 6), np.uint8)
 UV = np.array([[-0.5, 1.5], [1, 1.5], [1, 0], [-0.5, 0]], "<f4")

@@ -10,7 +10,8 @@ from gltf_files import change
 
 from obscurance.raytrace.errors import ObscuranceError
 from obscurance.scenes.commands.prune import prune
-from obscurance.scenes.formats.gltf.textured import check_vertices, textured_glb
+from obscurance.scenes.formats.gltf.textured import textured_glb
+from obscurance.scenes.formats.gltf.vertices import check_vertices
 from obscurance.scenes.formats.load import load
 
 FIELDS = {

@@ -15,8 +15,7 @@ from pages import columns_of, facts_of
 import obscurance as package
 from obscurance import scenes
 from obscurance.raytrace.image.read import read_image
-from obscurance.scenes.formats.raster import stored_columns
-from obscurance.scenes.geometry.instances import with_sides
+from obscurance.scenes.formats.raster import stored_columns, with_sides
 
 rasterio = pytest.importorskip("rasterio")
 from rasterio.enums import ColorInterp  # noqa: E402

@@ -139,5 +139,5 @@ def test_cells_that_do_not_fit_into_memory_are_refused(tmp_path, monkeypatch):
     content = tiff(np.zeros((600, 600)), width=600, height=600, compress="deflate")
     (tmp_path / "m.tif").write_bytes(content)
     succeeded("info", tmp_path / "m.tif")
-    monkeypatch.setattr("obscurance.raytrace.system.checks.available", lambda: 25 << 20)
+    monkeypatch.setattr("obscurance.raytrace.system.checks.available_memory", lambda: 25 << 20)
     refused(obscurance("info", tmp_path / "m.tif"), "memory: expected at most 25 MiB", "360,000 cells")

@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,12 +14,11 @@ from obscurance.ao.falloff import FALLOFFS, Exponential, Falloff, Length, Tabula
 from obscurance.ao.mu import MAX_KNOTS
 from obscurance.raytrace.errors import ConflictError, InputError, OptionError, nearest_name
 from obscurance.raytrace.system.checks import check_regular
-from obscurance.raytrace.types import Float64s
 
-from .load import parser_errors
+from .formats.load import parser_errors
 
 if TYPE_CHECKING:
-    from obscurance.ao.profile import Profile
+    from .formats.stored_w import Scales
 
 _TABLE = "table:"
 _ENDINGS = ".csv", ".txt", ".npy"
@@ -59,18 +58,6 @@ def make_falloff(
     return read_table(table[0])
 
 
-class Scales(NamedTuple):
-    """w as a product of powers of w at several half-distances: fine creases times large rooms."""
-
-    half_distances: tuple[Length, ...]
-    powers: tuple[float, ...]
-
-    def of(self, profile: Profile) -> Float64s:
-        """w (…,), in [0, 1]. Raises: OptionError: a half-distance is outside the profile."""
-        pairs = zip(self.half_distances, self.powers, strict=True)
-        return np.asarray(np.multiply.reduce([profile.at(length) ** power for length, power in pairs]))
-
-
 def make_scales(half_distance: Length, power: float | str | None = None) -> Scales:
     """The scales of these options: one length and power, or several in a text with commas. Raises: OptionError."""
     lengths = str(half_distance).split(",")
@@ -83,6 +70,8 @@ def make_scales(half_distance: Length, power: float | str | None = None) -> Scal
     if len(powers) != len(lengths) or not all(0 < value < math.inf for value in powers):
         one_for_each = "one for each half-distance: " if len(lengths) > 1 else ""
         raise OptionError("power", f"{one_for_each}a number above 0, such as 1 or 0.5", repr(power))
+    from .formats.stored_w import Scales
+
     return Scales(tuple(lengths), tuple(powers))
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from obscurance import ao
 from obscurance.raytrace.errors import InputError
-from obscurance.scenes.formats.falloffs import make_falloff, read_table
+from obscurance.scenes.falloffs import make_falloff, read_table
 
 TABLE = ao.Tabulated([0, 0.5, 2], [0, 0.75, 1])
 TEXTS = {
