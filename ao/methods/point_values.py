@@ -25,7 +25,7 @@ from ..estimate.sites import ONE_PLACE, Sites
 from ..execute.tracer import Progress
 from ..falloff import Falloffs
 from ..options import BackFaces, Options, Weight
-from ..points.discs import border_errors, discs
+from ..points.discs import border_errors, check_finite, discs
 from ..points.points import Points
 from ..points.receivers import Flag
 from ..points.sheets import NEIGHBOURS
@@ -81,12 +81,13 @@ def bake_points(
     axes = _rows("normals", normals)
     if axes.shape != places.shape:
         raise OptionError("normals", f"shape {places.shape}, as points have", axes.shape)
-    if not np.isfinite(places).all() or not len(places):
-        raise MeshError("points", "points", "finite coordinates of at least one", "none, or others")
+    check_finite(places, "points")
     count = len(places)
     axes = normalize(np.nan_to_num(axes))
     # Those with an axis; what occludes, the mesh, or discs in place of them.
     usable = np.flatnonzero(axes.any(axis=1))
+    if not len(usable):
+        raise MeshError("points", "normals", "at least one that is neither zero nor NaN", "none")
     places = places[usable]
     axes = axes[usable]
     cloud = discs(places, axes, threads=threads) if mesh is None else None

@@ -62,8 +62,9 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
 
     Raises: MeshError: fewer than two points, or one that is not finite.
     """
-    if len(points) < 2 or not np.isfinite(points).all():
-        raise MeshError(source, "points", "finite coordinates of at least two", f"{len(points)}, or others")
+    check_finite(points, source)
+    if len(points) < 2:
+        raise MeshError(source, "points", "at least two", len(points))
     order = morton_order((points - points[0]).astype(np.float32))  # so that what is near is near in memory
     ordered = points[order]
     cloud_axes = normalize(np.nan_to_num(axes[order]))
@@ -89,6 +90,13 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
     ahead = np.arange(len(fans)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2) + 1
     faces = np.stack([fans, fans + ahead, fans + ahead + 1], axis=1)
     return Discs(Mesh(vertices, faces, source=source), lifts[place], doubts[place], borders[place])
+
+
+def check_finite(points: Float64s, source: object) -> None:
+    """Raises: MeshError: one of points (k, 3) is not finite; the first such is named."""
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise MeshError(source, f"points[{bad[0]}]", "finite coordinates", f"{points[bad[0]]} ({len(bad):,} such)")
 
 
 def border_errors(points: Float64s, axes: Float64s, borders: Float64s, mu: Mu, threads: int | None = None) -> Float64s:

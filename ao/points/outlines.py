@@ -180,8 +180,8 @@ def _goes_on(cloud, i, outwards, beyond):
 
 @inline
 def _cut(outlines, count, x, y, offset):
-    """Cut the first outline by a half-plane (Sutherland and Hodgman 1974), unless it has too many corners already, or
-    nothing is left."""
+    """Cut the first outline by a half-plane (Sutherland and Hodgman 1974), unless it would have too many corners, or
+    nothing is left: along a side that is there already, rounding can add several."""
     farthest = -np.inf
     for k in range(count):
         farthest = max(farthest, x * outlines[0, k, 0] + y * outlines[0, k, 1])
@@ -193,10 +193,14 @@ def _cut(outlines, count, x, y, offset):
         here = offset - x * outlines[0, k, 0] - y * outlines[0, k, 1]
         there = offset - x * outlines[0, m, 0] - y * outlines[0, m, 1]
         if here >= 0.0:
+            if left == CORNERS:
+                return count
             for axis in range(2):
                 outlines[1, left, axis] = outlines[0, k, axis]
             left += 1
         if (here >= 0.0) != (there >= 0.0):
+            if left == CORNERS:
+                return count
             t = here / (here - there)
             for axis in range(2):
                 outlines[1, left, axis] = outlines[0, k, axis] + t * (outlines[0, m, axis] - outlines[0, k, axis])

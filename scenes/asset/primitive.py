@@ -147,14 +147,8 @@ class Primitive(NamedTuple):
 
     @property
     def own_colours(self) -> Column | None:
-        """The colours of the vertices, None where they are the grey by which a bake has shown w."""
-        colours = self.columns.get(COLOR)
-        if colours and W in self.columns:
-            w = self.columns[W].values.clip(0, 1)
-            grey = encode_srgb(w) if colours.srgb else w
-            if (np.abs(colours.values[:, :3].clip(0, 1) - grey[:, None]) < _ROUNDING).all():
-                return None
-        return colours
+        """Those of `own_colours`."""
+        return own_colours(self.columns)
 
     @property
     def shown_colours(self) -> Float64s | None:
@@ -196,6 +190,17 @@ class StoredBake:
         of_vertices = {name: values[:count] for name in BAKED if (values := getattr(self, name)) is not None}
         profile = self.profile and replace(self.profile, values=self.profile.values[:count])
         return replace(self, **of_vertices, profile=profile)
+
+
+def own_colours(columns: ColumnSet) -> Column | None:
+    """The colours of the vertices, None where they are the grey by which a bake has shown w."""
+    colours = columns.get(COLOR)
+    if colours and W in columns:
+        w = columns[W].values.clip(0, 1)
+        grey = encode_srgb(w) if colours.srgb else w
+        if (np.abs(colours.values[:, :3].clip(0, 1) - grey[:, None]) < _ROUNDING).all():
+            return None
+    return colours
 
 
 def known_columns(bake: Any) -> dict[str, Array]:

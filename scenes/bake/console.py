@@ -116,19 +116,23 @@ def quietly(quiet: bool) -> Iterator[None]:
 HARD = "vertices lie on hard edges"
 
 
-def warn(meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff | None = None) -> list[str]:
+def warn(
+    meshes: Iterable[Mesh], others: Iterable[str] = (), falloff: ao.Falloff | None = None, of_points: bool = False
+) -> list[str]:
     """Print, once each, warnings about the precision of meshes, and `others`, losses of an output as notes; return all.
 
-    Args: falloff: that is relative to the radius of the last of the meshes, perhaps.
+    Args: falloff: that is relative to the radius of the last of the meshes, perhaps. of_points: that one is of discs,
+        whose normals are the file's.
     """
     from obscurance.raytrace.mesh.warnings import outlier_warnings, precision_warnings
 
     from ..show.report.verdict import COARSE
 
-    distinct = {id(mesh): mesh for mesh in meshes}.values()
-    warnings = list(dict.fromkeys(warning for mesh in distinct for warning in precision_warnings(mesh)))
+    distinct = list({id(mesh): mesh for mesh in meshes}.values())
+    of_faces = distinct[: len(distinct) - of_points]
+    warnings = list(dict.fromkeys(warning for mesh in of_faces for warning in precision_warnings(mesh)))
     if falloff and len({(mu.max_distance, mu.tau) for mu in map(falloff.resolve, (1.0, 2.0))}) > 1:
-        warnings += outlier_warnings(list(distinct)[-1])
+        warnings += outlier_warnings(distinct[-1])
     warnings += list(dict.fromkeys(others))
     printed = [] if getattr(_silent, "on", False) else warnings
     for warning in (line for line in printed if not (_quiet and (COARSE in line or HARD in line))):

@@ -60,7 +60,7 @@ def run(plan: Plan, inputs: BakeInputs, open_checkpoint: OpenCheckpoint) -> Iter
     loaded = time.perf_counter()
     hashes = hashed_inputs(plan, inputs) if options.report else []
     losses = [*unsupported_features(plan.output, inputs.source, plan.channels), *_hard_edges(plan, inputs)]
-    warnings = warn(inputs.meshes, [*inputs.notes, *losses], plan.falloff)
+    warnings = warn(inputs.meshes, [*inputs.notes, *losses], plan.falloff, inputs.source.cloud is not None)
     with open_checkpoint(plan.output) as checkpoint:
         baked = trace(plan, inputs, checkpoint)
         # Warnings about the result, before it is written.
@@ -168,6 +168,8 @@ def _bake_cloud(plan: Plan, inputs: BakeInputs, cloud: tuple[Float64s, Float64s]
     arguments = {name: getattr(plan.arguments, name) for name in TAKEN if name != "threads"}
     walls = inputs.occluders
     alone = plan.options.occluder is None
+    if alone and len(places) < 2:
+        raise MeshError(inputs.source.path, "points", "at least two, or --occluder", len(places))
     mesh = None if alone else walls[0]
     others = walls if alone else walls[1:]
     threads = plan.options.threads

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from obscurance.ao.result import SquaredError
-from obscurance.raytrace.errors import ConflictError, MeshError, OptionError, SceneError, printable
+from obscurance.raytrace.errors import ConflictError, OptionError, SceneError, printable
 from obscurance.raytrace.mesh.mesh import shape_hash
 from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_ending, check_outputs, check_regular
@@ -25,7 +24,7 @@ from ..bake.record import Record
 from ..bake.run import silence_tolerance_warnings
 from ..check.measure import RAYS, Comparison, compare_values
 from ..check.stored_values import StoredValues, find_values, is_image
-from ..formats.load import load
+from ..formats.load import load_faces_or_points
 from ..formats.table import format_of, is_raster
 
 if TYPE_CHECKING:
@@ -71,9 +70,9 @@ def check(file: Path, of: Path | None, output: Path | None, **given: Any) -> dic
     """
     # The files, and how w was baked.
     check_regular(file, "a file of w", SceneError)
-    own = None if not format_of(file).read or is_raster(file) or is_image(file) else _mesh(file)
+    own = None if not format_of(file).read or is_raster(file) or is_image(file) else load_faces_or_points(file)
     record = Record.read(file, own)
-    source = own if of is None else _mesh(of)
+    source = own if of is None else load_faces_or_points(of)
     if source is None:
         raise OptionError("of", f"--of with the mesh that {file.name} belongs to", "none")
     mesh = source.mesh
@@ -109,16 +108,6 @@ def check(file: Path, of: Path | None, output: Path | None, **given: Any) -> dic
         if output:
             write_bytes(output, _page(file, plan, inputs, stored, found))
     return facts | _facts(stored, found, inputs)
-
-
-def _mesh(file: Path) -> Asset:
-    """A mesh file, or a cloud of points. Raises: MeshError: it is neither."""
-    try:
-        return load(file, names=True)
-    except MeshError:
-        with suppress(MeshError):
-            return load(file, names=True, points=True)
-        raise
 
 
 def _bake_options(baked_by: dict[str, Any], source: Asset, **given: Any) -> BakeOptions:

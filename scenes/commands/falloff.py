@@ -14,7 +14,7 @@ from ..asset.primitive import StoredBake
 from ..bake.console import warn
 from ..bake.record import Record
 from ..formats.images import check_texture_target, write_grey
-from ..formats.load import load, read_asset
+from ..formats.load import load_faces_or_points, read_asset
 from ..formats.stored_w import Scales, checked_profile, find_profile, read_beside_w
 from ..formats.table import endings
 from ..formats.unsupported import unsupported_features
@@ -53,16 +53,19 @@ def change_falloff(baked: Path, scales: Scales, output: Path, mesh: Path | None)
 
 def _write_vertices(baked: Path, scales: Scales, output: Path, mesh: Path | None) -> int:
     """Write a bake to vertices, and return their number."""
-    source = None if baked.suffix.lower() == ".npz" else load(baked, output)
-    profile = checked_profile(baked, source.profile if source else find_profile(baked))
-    file = load(mesh, output) if mesh else source
+    source = None if baked.suffix.lower() == ".npz" else load_faces_or_points(baked, output)
+    profile = checked_profile(baked, source.profile if source and not source.cloud else find_profile(baked))
+    file = load_faces_or_points(mesh, output) if mesh else source
     arrays: dict[str, Callable[..., memoryview]] = {".npy": npy, ".npz": npz}
     is_array = output.suffix.lower() in arrays
     if file is None and not is_array:
         raise OptionError("mesh", f"--mesh with the mesh that {baked.name} belongs to", "none")
     w = scales.of(profile)
-    if file and len(w) != len(file.mesh.vertices):
-        raise SceneError(baked, "profile", f"a row for each of the {len(file.mesh.vertices):,} vertices", f"{len(w):,}")
+    if file and file.cloud and output.suffix.lower() not in (*arrays, ".ply"):
+        raise OptionError("output", "a name ending in .npy, .npz or .ply, of points", output)
+    count = len(file.cloud[0] if file.cloud else file.mesh.vertices) if file else len(w)
+    if len(w) != count:
+        raise SceneError(baked, "profile", f"a row for each of the {count:,} vertices", f"{len(w):,}")
     shown = channels(output, None, None, False)._replace(record=_record(baked, source, scales))
     if file:
         warn([], unsupported_features(output, file, shown))

@@ -7,7 +7,7 @@ import os
 import sys
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from pkgutil import resolve_name
@@ -15,6 +15,7 @@ from pkgutil import resolve_name
 import numpy as np
 
 from obscurance.raytrace.errors import InputError, MeshError, ObscuranceError, OptionError
+from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.normals import useless_normals
 from obscurance.raytrace.system.checks import check_memory, check_regular
 
@@ -110,7 +111,7 @@ def _without_malformed(asset: Asset) -> Asset:
 
 def _of_points(asset: Asset) -> Asset:
     """A cloud of points with normals as their discs. Raises: MeshError: the file is none."""
-    from obscurance.ao.points.discs import discs
+    from obscurance.ao.points.discs import check_finite, discs
 
     normals = asset.at_vertices(NORMAL)
     faces = sum(part.faces.stop - part.faces.start for part in asset.parts)
@@ -118,8 +119,14 @@ def _of_points(asset: Asset) -> Asset:
         expected = "one cloud of points with normals, without faces"
         got = "faces" if faces else "points without normals" if normals is None else "several"
         raise MeshError(asset.path, "points", expected, got)
+    if not np.nan_to_num(normals).any():
+        raise MeshError(asset.path, "normals", "some that are neither zero nor NaN", f"none of {len(normals):,}")
     places = np.asarray(asset.primitives[0].positions, np.float64)
-    mesh = discs(places, normals, str(asset.path)).mesh
+    if len(places) > 1:
+        mesh = discs(places, normals, str(asset.path)).mesh
+    else:  # beside others that occlude
+        check_finite(places, asset.path)
+        mesh = Mesh(places[[0, 0, 0]], [[0, 1, 2]], source=str(asset.path))
     discs_of = Primitive.of(mesh.vertices, mesh.faces.ravel())
     return replace(asset, primitives=(discs_of,), cloud=(places, normals), has_alpha=False)
 
@@ -227,6 +234,16 @@ def unit_of(path: Path, content: bytes | None = None) -> float:
         if not 0 <= found < np.inf:
             raise MeshError(path, "unit", "a finite one above 0", found)
     return found
+
+
+def load_faces_or_points(path: Path, target: Path | None = None) -> Asset:
+    """A mesh file with its names, or a cloud of points. Args: target: as of `load`. Raises: MeshError: neither."""
+    try:
+        return load(path, target, names=True)
+    except MeshError:
+        with suppress(MeshError):
+            return load(path, target, names=True, points=True)
+        raise
 
 
 def load_mesh(path: Path) -> Asset:

@@ -42,6 +42,8 @@ _METRES = "", "m", "metre", "metres", "meter", "meters"
 _VOID, _HUGE = -32768.0, 1e30  # heights that no tag need name: of SRTM, and of float32 below ±3.4e38
 _CUSTOM, _DEEP = -9999.0, -9000.0  # another, unless there are other heights as deep: of trenches of the sea
 _DEGREES, _AROUND = 0.05, 360.0  # cells smaller than that, with corners within that, are in degrees
+_WEB_MERCATOR, _EARTH = 3857, 6378137.0  # EPSG's number, and the radius of its sphere, metres
+_STRETCHED = 1.02  # times true lengths, that make slopes wrong
 _CELL = 240  # bytes of memory a cell takes until it is a vertex and two triangles
 _PACKED, _FEW = 1100, 1 << 20  # cells that a byte of file holds at most; so many that any file may have
 _NO_DATA = _CUSTOM
@@ -67,12 +69,22 @@ def read_raster(mesh_input: MeshInput) -> Asset:
         if raster.count > 1 and MaskFlags.alpha not in raster.mask_flag_enums[0]:
             expected = "one, of heights: gdal_translate -b 1 takes the first"
             raise MeshError(mesh_input.source, "bands", expected, raster.count)
+        if raster.dtypes[0].startswith("complex"):
+            raise MeshError(mesh_input.source, "bands", "one, of real numbers", raster.dtypes[0])
+        if raster.gcps[0]:
+            expected = "cells in a grid: gdalwarp makes one of ground control points"
+            raise MeshError(mesh_input.source, "reference system", expected, f"{len(raster.gcps[0])} of these")
         heights, has_data, notes = cells_of(raster)
         transform = raster.transform
         system = _system_of(raster, mesh_input.path)
         unit = _unit_of(raster, system, mesh_input.source)
         if not system:
             notes += ("it names no reference system: cells are taken for metres",)
+        elif system.to_epsg() == _WEB_MERCATOR:
+            stretched = np.cosh((raster.bounds.top + raster.bounds.bottom) / 2 / _EARTH)
+            if stretched > _STRETCHED:
+                makes = "gdalwarp -t_srs EPSG:326NN, for UTM, makes such of true size"
+                notes += (f"cells of Web Mercator are {stretched:.3g} times as wide as the ground: {makes}",)
         elif unit != 1 and not raster.units[0]:
             notes += (f"cells are in {system.linear_units}, heights, of which no unit is named, are taken for metres",)
     if not has_data.any():

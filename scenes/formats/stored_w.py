@@ -97,7 +97,7 @@ def find_profile(path: Path) -> Profile | None:
             lengths = metadata.get("half_distances", "").split()
             return Profile.stored(lengths, layers[PROFILE], metadata.get("radius"), metadata.get("max_distance"))
     elif "profile" in format_of(path).holds:
-        return read_asset(path).profile
+        return read_asset(path, points=True).profile
     return None
 
 

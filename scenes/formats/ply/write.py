@@ -10,7 +10,7 @@ from obscurance.raytrace.mesh.normals import face_areas, normalize
 from obscurance.raytrace.types import AnyFloats, Float64s
 
 from ...asset.asset import Asset
-from ...asset.primitive import BAKED, W, float_normals, known_columns
+from ...asset.primitive import BAKED, W, float_normals, known_columns, own_colours
 from ..table import Channels
 from . import layout
 from .layout import COUNT, INDICES, RGB, UP_COMMENT, Element, Ply, Property, grey_of, stored_colors
@@ -78,6 +78,8 @@ def has_own_colors(asset: Asset) -> bool:
         some = {*RGB} & stored_colors(asset.raw.elements).keys()
         if len(some) < len(RGB):
             return bool(some)
+        if asset.cloud:  # the parts are its discs
+            return bool(own_colours(layout.ply_columns(asset.raw.elements, asset.sizes)))
     return any(part.primitive.own_colours for part in asset.parts)
 
 

@@ -41,6 +41,8 @@ _OF_FLAGS = {
         "Nothing to do if they are few.",
     ),
 }
+_OF_POINTS = "have no normal; w, the openness, is 1 there"  # their one flag, "degenerate"
+_ONE_OF = {"faces": "face", "vertices": "vertex", "points": "point"}
 _SINGULAR = {"belong": "belongs", "lie": "lies", "have": "has", "are": "is", "touch": "touches"}
 
 
@@ -115,10 +117,10 @@ def flags_in_words(flagged: dict[str, int], count: int, rays_skipped: dict[str, 
     hidden = "; w, the openness, is taken from visible neighbours" if rays_skipped.get("hidden") else ""
     words = {}
     for name, some in flagged.items():
-        what = _OF_FLAGS[name][0].format(hidden)
+        what = _OF_FLAGS[name][0].format(hidden) if at != "points" else _OF_POINTS
         verb, _, remainder = what.partition(" ")
         if some == 1:
-            words[name] = f"One {'face' if at == 'faces' else 'vertex'} {_SINGULAR[verb]} {remainder}"
+            words[name] = f"One {_ONE_OF[at]} {_SINGULAR[verb]} {remainder}"
         elif some:
             words[name] = f"{some:,} of {count:,} {at} {what}"
     return words

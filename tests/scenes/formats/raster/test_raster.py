@@ -442,3 +442,24 @@ def test_a_profile_needs_a_file_that_holds_one(hilly, output):
     refused(
         obscurance("falloff", "sky.tif", "--half-distance", "5%", "-o", "w.npy"), "ending in .exr or .glb", "sky.tif"
     )
+
+
+def test_ground_control_points_and_complex_numbers_are_no_grid_of_heights(tmp_path):
+    """Their cells would be taken for squares of a metre, and their real parts for heights."""
+    heights = np.arange(30.0).reshape(5, 6)
+    write(tmp_path / "gcps.tif", heights, crs=None)
+    corners = [(0, 0, 5e5, 5e6), (0, 6, 500012, 5e6), (5, 0, 5e5, 4999990)]
+    with rasterio.open(tmp_path / "gcps.tif", "r+") as file:
+        file.gcps = [rasterio.control.GroundControlPoint(*corner) for corner in corners], "EPSG:32632"
+    refused(obscurance("info", tmp_path / "gcps.tif"), "gdalwarp makes one of ground control points, got 3 of these")
+    write(tmp_path / "complex.tif", heights, dtype="complex64")
+    refused(obscurance("info", tmp_path / "complex.tif"), "expected one, of real numbers, got complex64")
+
+
+@pytest.mark.parametrize(("latitude", "said"), [(0.0, ""), (60.0, "cells of Web Mercator are 2 times as wide as the")])
+def test_cells_that_are_wider_than_the_ground_are_warned_of(tmp_path, latitude, said):
+    north = 6378137.0 * np.arcsinh(np.tan(np.radians(latitude)))
+    write(tmp_path / "tile.tif", np.arange(30.0).reshape(5, 6), crs="EPSG:3857")
+    with rasterio.open(tmp_path / "tile.tif", "r+") as file:
+        file.transform = Affine(2, 0, 0, 0, -2, north)
+    assert [said in note for note in scenes.load(tmp_path / "tile.tif").notes] == [True] * bool(said)
