@@ -90,7 +90,7 @@ class Shape:
         check_type(self.material, Material, "shape", "material", expected)
         if self.grain is not None and (not isinstance(self.material, Brushed) or self.material.grain is not None):
             expected = "an anisotropic material without a grain of its own"
-            model = type(self.material).__name__
+            model = self.material.model  # type: ignore[attr-defined]
             got = f"{model} with a grain" if isinstance(self.material, Brushed) else model
             raise OptionError("grain", expected, got, self.mesh.source)
         if (self.texture is not None or self.grain is not None) and self.uv is None:
