@@ -27,7 +27,7 @@ _BINS = 40
 def versions() -> dict[str, str]:
     """Versions of everything that can change a result."""
     packages = {"python": platform.python_version(), "embree": embree.version(), "kernels": built_by()}
-    for package in ("obscurance", "embreex", "numpy", "scipy", "mapbox_earcut"):
+    for package in ("obscurance", "embreex", "numpy", "scipy", "trimesh", "mapbox_earcut"):
         try:
             packages[package] = version(package)
         except PackageNotFoundError:
