@@ -21,7 +21,7 @@ _ALL_SIXTHS = 0b10111101  # of the signs of y, a − y and a + y, a = √3 x, th
 _MARGIN = 0.4  # of the mean spacing in the hull, by which the sheet goes on beyond it
 _OUTERMOST = 0.5  # spacing within the hull, up to which a point is at a border
 _BEYOND = 1.0  # spacing beyond a side of the hull, where the sheet has a point if a hole and no border lies there
-_HOLE = 2.5  # of a disc's radius, across which such a point is sought
+_HOLE = 4.0  # spacings, within which such a point is sought
 _AHEAD = 0.35  # cosine between the way to it and the way out
 _THIN = 0.05  # of its square, the hull's area: points along a line, beside which nothing is known
 _CROSSED = 1.5  # of the radius, within which other planes cross the disc's at its sheet's edge
@@ -145,7 +145,7 @@ def _cut_at_borders(cloud, i, sheet, others, outline):
         if border >= cloud.radius[i] or _is_crossed(crossings, crossing, x, y):
             continue
         outwards = add(scale(x, u), scale(y, v))
-        if not _goes_on(cloud, i, outwards, offset + _BEYOND * spacing):
+        if not _goes_on(cloud, i, outwards, offset + _BEYOND * spacing, _HOLE * spacing):
             count = _cut(outlines, count, x, y, border)
             if offset < _OUTERMOST * spacing:
                 at_border = scale(spacing, outwards)
@@ -162,10 +162,9 @@ def _is_crossed(crossings, count, x, y):
 
 
 @inline
-def _goes_on(cloud, i, outwards, beyond):
+def _goes_on(cloud, i, outwards, beyond, farthest):
     """Whether the sheet has points farther off in a direction, on the other side of a hole."""
     p = load(cloud.points, i)
-    farthest = _HOLE * cloud.radius[i]
     for j in range(cloud.near.shape[1]):
         if cloud.of_sheet[i, j]:
             at = cloud.near[i, j]
