@@ -21,7 +21,7 @@ _ALL_SIXTHS = 0b10111101  # of the signs of y, a − y and a + y, a = √3 x, th
 _MARGIN = 0.4  # of the mean spacing in the hull, by which the sheet goes on beyond it
 _OUTERMOST = 0.5  # spacing within the hull, up to which a point is at a border
 _BEYOND = 1.0  # spacing beyond a side of the hull, where the sheet has a point if a hole and no border lies there
-_HOLE = 4.0  # spacings, within which such a point is sought
+_HOLE = 5.0  # spacings, within which such a point is sought
 _AHEAD = 0.35  # cosine between the way to it and the way out
 _THIN = 0.05  # of its square, the hull's area: points along a line, beside which nothing is known
 _CROSSED = 1.5  # of the radius, within which other planes cross the disc's at its sheet's edge
