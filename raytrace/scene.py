@@ -90,7 +90,7 @@ class Shape:
         check_type(self.material, Material, "shape", "material", expected)
         if self.grain is not None and (not isinstance(self.material, Brushed) or self.material.grain is not None):
             expected = "an anisotropic material without a grain of its own"
-            got = f"{self.material.model} with a grain" if isinstance(self.material, Brushed) else self.material.model
+            got = type(self.material).__name__ + (" with a grain" if isinstance(self.material, Brushed) else "")
             raise OptionError("grain", expected, got, self.mesh.source)
         if (self.texture is not None or self.grain is not None) and self.uv is None:
             raise OptionError("uv", "texture coordinates for a textured shape", "none", self.mesh.source)
