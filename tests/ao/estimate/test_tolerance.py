@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 import pytest
-from meshes import crumpled, hills
+from meshes import crumpled, grid, hills
 
 from benchmarks.accuracy.dense_meshes import JUMPS, PAIRS
 from benchmarks.accuracy.density import Judgement, Truth
@@ -127,8 +127,9 @@ def test_the_first_rays_of_neighbours_are_even_together() -> None:
     assert rms(error.mean(axis=1)) < 0.42 * rms(error)
 
 
-def test_few_rounds_of_rays_are_enough() -> None:
+def test_few_rounds_of_rays_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each denoises the whole mesh, and its rays are less even together with others."""
+    monkeypatch.setattr("benchmarks.accuracy.dense_meshes.SIDE", 240)
     stages = set[str]()
     ao.bake(JUMPS["sharp creases"](3), ao.Binary(), tolerance=0.01, progress=lambda *now: stages.add(now[2]))
     assert sum(stage.startswith("rays, round") for stage in stages) <= 3
@@ -180,11 +181,7 @@ def test_mistakes(tolerance: object, others: dict[str, object]) -> None:
 
 
 def test_what_varies_linearly_is_filled_in_exactly() -> None:
-    steps = np.linspace(0, 1, 20)
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
-    cell = np.array([i * 20 + j for i in range(19) for j in range(19)])
-    faces = np.concatenate([np.stack([cell, cell + 20, cell + 21], -1), np.stack([cell, cell + 21, cell + 1], -1)])
-    mesh = Mesh(np.stack([x, y, 0 * x], -1), faces)
+    mesh = Mesh(*grid(19))
     receivers = find_receivers(mesh, Placement.of(mesh))
     near = Neighbours.of(receivers.faces, receivers.of_vertex, receivers.points.normals, 2)
     baked = np.arange(400) % 4 == 0
@@ -221,8 +218,8 @@ def test_predicted_texels_are_not_traced_for_the_noise_of_those_that_predict_the
     place = vertices[:, :2] - vertices[:, :2].min(axis=0)
     uv = (0.01 + 0.98 * place / place.max(axis=0))[faces]
     mesh = Mesh(vertices, faces)
-    truth = ao.bake_texture(mesh, uv, 128, "binary", samples=512, seed=9)
-    baked = ao.bake_texture(mesh, uv, 128, "binary")
+    truth = ao.bake_texture(mesh, uv, 80, "binary", samples=1024, seed=9)
+    baked = ao.bake_texture(mesh, uv, 80, "binary")
     true = rms((baked.w - truth.w)[truth.covered])
     assert true < 1.2 * 0.005
     assert 1 / 1.4 < baked.rmse / true < 1.4
