@@ -147,14 +147,14 @@ def solids_through_one_another(seed):
 
 
 @pytest.mark.parametrize(
-    "options", [pytest.param({"samples": 64}, marks=pytest.mark.slow), {"tolerance": 0.015}], ids=str
+    "options", [pytest.param({"samples": 64}, marks=pytest.mark.slow), {"tolerance": 0.025}], ids=str
 )
 def test_of_faces_that_are_in_solids_in_part(options):
     bakes, errors = [], []
     for seed in range(70, 72):
         faces = partial(bake, ao.bake, solids_through_one_another(seed), "binary", at="faces")
         bakes.append(faces(seed=seed, **options))
-        errors.append(squared(bakes[-1], faces(samples=4096, denoise=False, seed=900).w))
+        errors.append(squared(bakes[-1], faces(samples=1024, denoise=False, seed=900).w))
     check(bakes, errors, options.get("tolerance", 1.0))
 
 
