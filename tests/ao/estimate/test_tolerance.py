@@ -127,9 +127,8 @@ def test_the_first_rays_of_neighbours_are_even_together() -> None:
     assert rms(error.mean(axis=1)) < 0.42 * rms(error)
 
 
-def test_few_rounds_of_rays_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_few_rounds_of_rays_are_enough() -> None:
     """Each denoises the whole mesh, and its rays are less even together with others."""
-    monkeypatch.setattr("benchmarks.accuracy.dense_meshes.SIDE", 240)
     stages = set[str]()
     ao.bake(JUMPS["sharp creases"](3), ao.Binary(), tolerance=0.01, progress=lambda *now: stages.add(now[2]))
     assert sum(stage.startswith("rays, round") for stage in stages) <= 3
@@ -218,8 +217,8 @@ def test_predicted_texels_are_not_traced_for_the_noise_of_those_that_predict_the
     place = vertices[:, :2] - vertices[:, :2].min(axis=0)
     uv = (0.01 + 0.98 * place / place.max(axis=0))[faces]
     mesh = Mesh(vertices, faces)
-    truth = ao.bake_texture(mesh, uv, 80, "binary", samples=1024, seed=9)
-    baked = ao.bake_texture(mesh, uv, 80, "binary")
+    truth = ao.bake_texture(mesh, uv, 128, "binary", samples=512, seed=9)
+    baked = ao.bake_texture(mesh, uv, 128, "binary")
     true = rms((baked.w - truth.w)[truth.covered])
     assert true < 1.2 * 0.005
     assert 1 / 1.4 < baked.rmse / true < 1.4
