@@ -120,7 +120,7 @@ def _spread(faces: Int64s, parts: Int64s, shares: Float64s, key: np.uint32) -> P
     starts = np.concatenate([[0], np.cumsum(4**depth)])
     barycentric = np.empty((starts[-1], 3), np.float32)
     triangles = np.eye(3)[None]
-    for k in range(1, _MOST + 1):
+    for k in range(1, depth.max(initial=0) + 1):
         triangles = _quartered(triangles)
         of_depth = np.flatnonzero(depth == k)
         turns = hash32_array(hash32_array(faces[of_depth]) ^ hash32_array(parts[of_depth]) ^ key)[:, None]

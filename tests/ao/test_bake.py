@@ -124,11 +124,6 @@ def test_any_number_of_samples_is_traced_exactly(samples):
     assert not baked.w.any()
 
 
-def test_large_seeds_are_seeds_of_their_own(colonnade):
-    small, large = (ao.bake(colonnade, ao.Binary(), samples=8, seed=seed).w for seed in (1, 1 + 2**33))
-    assert not np.array_equal(small, large)
-
-
 def test_a_bake_of_some_vertices_is_that_part_of_the_whole(colonnade):
     wanted = np.arange(len(colonnade.vertices)) % 3 == 0
     whole = ao.bake(colonnade, samples=16, denoise=False, interior="mark")

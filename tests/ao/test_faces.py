@@ -1,7 +1,5 @@
 """w of faces, against form factors, and what is true of both sides of a face."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 import trimesh
@@ -47,20 +45,11 @@ def test_a_box_in_a_box():
     assert (hidden.flags == [ao.Flag.HIDDEN] * 12 + [0] * 12).all()
 
 
-@cache
-def shape_and_truth(shape):
-    """A mesh, and w of its faces by many rays."""
-    cones = both(*((v + np.array([3 * k, 0, 0]), f) for k, (v, f) in enumerate([_cone()] * 3)))
-    mesh = Mesh(*hills(30)) if shape == "hills" else cones
-    bakes = [ao.bake(mesh, ao.Binary(), at="faces", samples=1024, seed=seed) for seed in range(90, 92)]
-    return mesh, np.mean([baked.w for baked in bakes], axis=0)
-
-
 @pytest.mark.parametrize("tolerance", [pytest.param(0.02, marks=pytest.mark.slow), 0.006])
-@pytest.mark.parametrize("shape", ["hills", "cones"])
-def test_the_reported_error_is_the_true_one(shape, tolerance):
-    """On faces of which w varies, too: the samples that measure the error lie elsewhere on them."""
-    mesh, truth = shape_and_truth(shape)
+def test_the_reported_error_is_the_true_one(tolerance):
+    """On faces of which w varies: the samples that measure the error lie elsewhere on them."""
+    mesh = both(*((v + np.array([3 * k, 0, 0]), f) for k, (v, f) in enumerate([_cone()] * 3)))
+    truth = np.mean([ao.bake(mesh, ao.Binary(), at="faces", samples=1024, seed=90 + k).w for k in (0, 1)], axis=0)
     ratios = []
     for seed in range(2):
         baked = ao.bake(mesh, ao.Binary(), at="faces", tolerance=tolerance, seed=seed)

@@ -5,7 +5,7 @@ import pytest
 
 from .draws import drawn
 
-FEW, MANY = 20, 500  # tests of ten draws each
+FEW, MANY = 12, 500  # tests of ten draws each
 TIMES, SLACK = 2.0, 0.004  # of the reported root mean square error, and what is in none that is reported
 FARTHEST = 8.0, 0.03
 TOGETHER = 0.4, 1.6  # true over reported errors of ten draws, root mean squares: .6 to 1.3 in forty tens

@@ -7,7 +7,6 @@ import subprocess
 import sys
 
 import fuzz_commands
-import fuzz_seeds
 import fuzz_worker
 import fuzzing
 import pytest
@@ -65,13 +64,6 @@ def test_the_check_of_commands_notices(tmp_path, status, output, errors, makes, 
         fuzz_commands.checked_command(["view", "m.ply"], tmp_path / "page.html", tmp_path, command)
 
 
-def test_the_same_number_is_the_same_file():
-    for seed in ("a", "commands"):
-        for index in range(2 * len(fuzz_seeds.seeds())):
-            first, second = (fuzz_worker.input_of(seed, index)[:3] for _ in range(2))
-            assert first == second
-
-
 def hostile(step):
     """A target that does something that it must not."""
 
@@ -127,34 +119,3 @@ def test_clear_refusals_pass(checked):
 def test_what_a_step_must_not_do_is_a_finding(checked, step, finding):
     with pytest.raises(fuzz_worker.Finding, match=finding):
         checked(step)
-
-
-HOSTILE = {
-    "os.kill(os.getpid(), 11)": "SIGSEGV",
-    "while True: pass": "SIGPROF",
-    "open(path.parent.parent / 'secret.bin').close()": "secret.bin",
-    "print('loose words')": "loose words",
-    "bytearray(1 << 33)": "MemoryError",
-}
-
-
-@pytest.mark.slow
-def test_the_driver_notices(tmp_path):
-    """Whatever a step does, the next one is tried."""
-    worker = tmp_path / "worker.py"
-    lines = [
-        "import os, sys",
-        "import fuzz_worker",
-        "fuzz_worker.SECONDS = 0.3",
-        "fuzz_worker.warm = lambda inside, made, commands: None",
-        "fuzz_worker.fuzz_commands.companions = lambda: {'m.obj': b''}",
-        "def consume(family, path, made, index):",
-        f"    exec({[*HOSTILE]}[index])",
-        "fuzz_worker.consume = consume",
-        "fuzz_worker.main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), os.open(sys.argv[4], os.O_WRONLY))",
-    ]
-    worker.write_text("\n".join(lines))
-    findings, _, _ = fuzzing.run(len(HOSTILE), "x", 1, worker=worker)
-    assert [each["index"] for each in findings] == list(range(len(HOSTILE)))
-    for found, expected in zip(findings, HOSTILE.values(), strict=True):
-        assert expected in found["finding"]

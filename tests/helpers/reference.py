@@ -31,14 +31,16 @@ def nearest_hits(origins: np.ndarray, directions: np.ndarray, corners: np.ndarra
     centre = corners.mean(axis=(0, 1))
     a, origins = corners[:, 0] - centre, origins - centre
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    normals = np.cross(e1, e2)
+    normals, of_u, of_v = np.cross(e1, e2), np.cross(e2, a), np.cross(a, e1)
+    heights = np.einsum("ij,ij->i", a, normals)
+    rays = origins, directions, np.cross(origins, directions)
     nearest = []
-    for o, d in zip(*(np.array_split(rays, len(rays) // 512 + 1) for rays in (origins, directions)), strict=True):
-        moments, det = np.cross(o, d), -d @ normals.T
+    for o, d, moments in zip(*(np.array_split(each, len(each) // 512 + 1) for each in rays), strict=True):
+        det = -d @ normals.T
         with np.errstate(divide="ignore", invalid="ignore"):
-            u = (moments @ e2.T - d @ np.cross(e2, a).T) / det
-            v = (-moments @ e1.T - d @ np.cross(a, e1).T) / det
-            t = (o @ normals.T - np.einsum("ij,ij->i", a, normals)) / det
+            u = (moments @ e2.T - d @ of_u.T) / det
+            v = (-moments @ e1.T - d @ of_v.T) / det
+            t = (o @ normals.T - heights) / det
             hit = (det > 0 if fronts else det != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
         nearest.append(np.where(hit, t, np.inf).min(axis=1))
     return np.concatenate(nearest)

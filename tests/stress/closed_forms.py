@@ -13,10 +13,10 @@ from .pose import poses
 
 
 def closed_forms(long: bool) -> Iterator[Line]:
-    """A line for each pose: of every closed form, or of the next sixth in each of the three that are few."""
+    """A line for each pose: of every closed form, or of another twelfth in each of the three that are few."""
     for number, pose in enumerate(poses(long)):
         found, missing = [], 0
-        lines = configurations() if long else configurations()[2 * number :: 6]
+        lines = configurations() if long else configurations()[4 * number :: 12]
         posed_lines = [pose.configuration(line) for line in lines]
         with only_w():
             measurements = [measure(posed) for posed in posed_lines]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import islice
 
-import numpy as np
 import pytest
 from ray_starts import change_origins, scaled_offsets
 
@@ -19,7 +18,7 @@ from .defects import defects
 from .limits import limits
 from .line import Line
 from .pictures import pictures
-from .pose import OFFSETS, SCALES, Pose, poses
+from .pose import Pose
 from .solids import closed
 from .topology import topology
 
@@ -37,25 +36,6 @@ def failed(lines) -> list[str]:
 @pytest.mark.parametrize("group", GROUPS, ids=[group.__name__ for group in GROUPS])
 def test_what_is_measured_is_allowed(group, long) -> None:
     assert failed(group(long)) == []
-
-
-def test_long_poses_hold_every_scale_offset_and_a_turn() -> None:
-    found = poses(long=True)
-    assert {(p.scale, p.offset) for p in found} == {(s, o) for s in SCALES for o in OFFSETS}
-    assert {(p.scale, p.turn) for p in found} == {(s, t) for s in SCALES for t in (None, 5, 6)}
-    assert min(SCALES) == pytest.approx(1e-9)
-    assert max(SCALES) == pytest.approx(1e9)
-    assert max(OFFSETS) == 1e8
-
-
-def test_a_pose_is_a_similarity() -> None:
-    points = np.random.default_rng(0).normal(size=(5, 3))
-    moved = Pose(1e3, 1e2, 4).vertices(points)
-    between = np.linalg.norm(moved - moved[0], axis=1)
-    np.testing.assert_allclose(between, 1e3 * np.linalg.norm(points - points[0], axis=1), rtol=1e-9)
-    low, high = points.min(axis=0), points.max(axis=0)
-    away = np.linalg.norm(Pose(1e3, 1e2, 4).vertices(points, (low + high)[None] / 2))
-    assert away == pytest.approx(1e5 * (high - low).max())
 
 
 @pytest.mark.slow

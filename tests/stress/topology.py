@@ -21,7 +21,7 @@ _FAR = 1000.0
 
 def topology(long: bool) -> Iterator[Line]:
     """A line for each mesh: the largest error of the binary w over the poses."""
-    poses = [Pose(turn=turn) for turn in range(1, 21 if long else 4)] + [Pose(1e-9, 1e6, 30), Pose(1e9, 1e4, 31)]
+    poses = [Pose(turn=turn) for turn in range(1, 21 if long else 2)] + [Pose(1e-9, 1e6, 30), Pose(1e9, 1e4, 31)]
     sphere, rng = icosphere(3), np.random.default_rng(0)
     turned = np.where(rng.random(len(sphere[1]))[:, None] < 0.5, sphere[1], sphere[1][:, ::-1])
     flat = grid(4)

@@ -67,7 +67,6 @@ def still(_):
 
 
 PICTURES = {
-    "still": (still, SMALL),
     "gouraud": (still, replace(SMALL, shading="gouraud", obscurance="ambient and diffuse")),
     "few samples, cropped": (still, replace(SMALL, samples=2, crop=(19, 7, 50, 40))),
     "alpha": (pierced, Settings(width=150, height=101, samples=9)),

@@ -8,6 +8,7 @@ from meshes import hills
 
 from obscurance.ao.estimate.cells import Cells, around
 from obscurance.ao.estimate.one_ring import Neighbours
+from obscurance.ao.estimate.sites import PREDICTED, SEVERAL_PLACES, Sites
 from obscurance.ao.points.receivers import find_receivers
 from obscurance.raytrace import Mesh
 from obscurance.raytrace.mesh.placement import Placement
@@ -79,3 +80,17 @@ def test_any_number_of_threads_makes_the_same_cells(cells: Cells) -> None:
     normals = np.tile(np.float32([0, 0, 1]), (len(cells.centres), 1))
     for one, two in zip(cells.joined(graph(1), normals).ring, again.joined(other, normals).ring, strict=True):
         np.testing.assert_array_equal(one, two)
+
+
+def test_what_is_predicted_errs_by_more_where_neighbours_are_unlike(cells: Cells) -> None:
+    """Beside a centre whose w is 1 where all others have 0."""
+    own = cells.centres[cells.cell].astype(np.int64)
+    predicted = own != np.arange(len(own))
+    points = find_receivers(MESH, Placement.of(MESH)).points
+    kinds = np.where(predicted, PREDICTED, SEVERAL_PLACES).astype(np.uint8)
+    sites = Sites(points, lambda: graph(1), kinds, own)
+    w = (np.arange(len(cells.centres)) == 500).astype(np.float64)
+    errors = sites.errors_at_all(np.full(len(w), 0.01), w)
+    alike = sites.graph.means(w.astype(np.float32), 0.0)[cells.cell] == w[cells.cell]
+    assert (errors[alike | ~predicted] == 0.01).all()
+    assert (errors[(cells.cell == 500) & predicted] > 0.02).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from meshes import grid
 
 from obscurance import ao
 from obscurance.raytrace import Mesh
@@ -12,20 +13,9 @@ from obscurance.scenes.geometry.polyhedra import join
 TOLERANCE = 0.01
 
 
-def square(side: int = 160) -> tuple[np.ndarray, np.ndarray]:
-    """A finely cut square in the plane z = 0."""
-    steps = np.linspace(-4, 4, side + 1)
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
-    cell = np.array([i * (side + 1) + j for i in range(side) for j in range(side)])
-    ahead = side + 1
-    faces = np.concatenate([np.stack([cell, cell + ahead, cell + ahead + 1], -1),
-                            np.stack([cell, cell + ahead + 1, cell + 1], -1)])  # fmt: skip
-    return np.stack([x, y, 0 * x], -1), faces
-
-
 def slab_with_posts() -> Mesh:
-    """The square and seven thin posts that stand on it: 17 edges apart, so that few baked points are near."""
-    parts = [square()]
+    """A square and seven thin posts that stand on it: 17 edges apart, so that few baked points are near."""
+    parts = [grid(160, 8.0)]
     corners = np.array([(i, j, k) for i in (-0.1, 0.1) for j in (-0.1, 0.1) for k in (0.0, 2.0)])
     sides = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]])
     for place in np.random.default_rng(3).uniform(-3.5, 3.5, (7, 2)):
@@ -84,7 +74,7 @@ def test_a_single_vertex_that_differs_is_baked(posts: Mesh) -> None:
 
 def test_a_single_vertex_that_differs_is_baked_where_the_first_rays_meet_the_tolerance() -> None:
     """One vertex in 26,000 leaves no error in the mean."""
-    vertices, faces = square()
+    vertices, faces = grid(160, 8.0)
     vertices[:, 2] = 0.05 * np.sin(3 * vertices[:, 0]) * np.sin(3 * vertices[:, 1])
     mesh, at, w = with_roof(vertices, faces)
     for seed in range(3):

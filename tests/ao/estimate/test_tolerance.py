@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 import pytest
-from meshes import crumpled, hills
+from meshes import crumpled, grid, hills
 
 from benchmarks.accuracy.dense_meshes import JUMPS, PAIRS
 from benchmarks.accuracy.density import Judgement, Truth
@@ -180,11 +180,7 @@ def test_mistakes(tolerance: object, others: dict[str, object]) -> None:
 
 
 def test_what_varies_linearly_is_filled_in_exactly() -> None:
-    steps = np.linspace(0, 1, 20)
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
-    cell = np.array([i * 20 + j for i in range(19) for j in range(19)])
-    faces = np.concatenate([np.stack([cell, cell + 20, cell + 21], -1), np.stack([cell, cell + 21, cell + 1], -1)])
-    mesh = Mesh(np.stack([x, y, 0 * x], -1), faces)
+    mesh = Mesh(*grid(19))
     receivers = find_receivers(mesh, Placement.of(mesh))
     near = Neighbours.of(receivers.faces, receivers.of_vertex, receivers.points.normals, 2)
     baked = np.arange(400) % 4 == 0

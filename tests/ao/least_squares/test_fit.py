@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from meshes import grid
 from scipy.optimize import lsq_linear
 from scipy.sparse import csr_array
 from scipy.spatial import Delaunay
@@ -132,14 +133,8 @@ def test_the_bounded_minimum_is_found_where_smoothing_outweighs_faint_data(seed)
 def fit(noise, smooth, per_face=3, seed=0):
     """α chosen for samples of a function on a plane's grid, as a part of that at which R and the data weigh alike."""
     rng = np.random.default_rng(seed)
-    side = 12
-    steps = np.linspace(0, 1, side)
-    vertices = np.array([(x, y, 0.0) for x in steps for y in steps])
-    cell = np.array([i * side + j for i in range(side - 1) for j in range(side - 1)])
-    faces = np.concatenate(
-        [np.stack([cell, cell + side, cell + side + 1], -1), np.stack([cell, cell + side + 1, cell + 1], -1)]
-    )
-    grid = trimesh.Trimesh(vertices, faces, process=False)
+    vertices, faces = grid(11)
+    vertices[:, :2] += 0.5
     normals, areas = face_normals(vertices, faces)
     stencil, hinges = stencil_of(faces, normals)
     halves = []
@@ -152,8 +147,8 @@ def fit(noise, smooth, per_face=3, seed=0):
         np.add.at(entries, face, upper_triangles(b))
         np.add.at(right, face, b * f[:, None])
         halves.append(NormalEquations(stencil.sum(add_faces, entries), right_side(stencil, right), float(f @ f)))
-    smoothness = stencil.sum(add_jumps, hinges, grid.triangles, areas)
-    nothing = np.zeros((3, side * side))
+    smoothness = stencil.sum(add_jumps, hinges, vertices[faces], areas)
+    nothing = np.zeros((3, len(vertices)))
     laplacian, zero = np.full(len(faces), 1e-9), nothing[0]
     problem = Problem(stencil, tuple(halves), zero, smoothness, laplacian, zero, nothing, 1, None)
     alpha, fits = cross_validated(problem, zero)

@@ -35,14 +35,6 @@ def test_what_is_closed_all_around_is_closed(line):
     assert np.abs(validation.measure(line, bake_surface, samples=64)).max() <= 1e-6
 
 
-def test_inside_a_sphere_under_an_exponential():
-    """1 − 2[1 − (1+a)e^(−a)]/a², a = 2τR, a constant that a fine sphere has everywhere."""
-    vertices, faces = icosphere(4)
-    baked = bake_surface(Mesh(vertices, faces[:, ::-1]), ao.Exponential(tau=1.0), samples=256)
-    exact = 1 - 2 * (1 - 3 * np.exp(-2)) / 4
-    np.testing.assert_allclose(baked.w, exact, atol=6e-3)
-
-
 def test_the_floor_under_a_sphere_follows_its_closed_form_between_the_vertices():
     """1 − R²H/(r²+H²)^(3/2) on the plane: the fit is nearer to it, over the faces, than w at the vertices is."""
     radius, height = 0.3, 0.45

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from meshes import hills
 from numpy.lib.stride_tricks import sliding_window_view
+from site_families import leaves
 from uv_meshes import quads, rectangle, square
 
 from obscurance import ao
@@ -18,7 +19,6 @@ from obscurance.raytrace.mesh.placement import Placement
 pytestmark = pytest.mark.usefixtures("w_alone")
 
 FLOOR = rectangle((-1, -1, 0), (2, 0, 0), (0, 2, 0)), square(0, 0, 1, 1)
-SIDE = 0.3
 
 
 def over_floor(things):
@@ -29,45 +29,17 @@ def over_floor(things):
     return mesh, uv
 
 
-def litter(seed, height, side=SIDE, count=12):
-    """Square leaves on a floor: (p, 4, 3) corners, and a function: whether points x, y lie under any."""
-    random = np.random.default_rng(seed)
-    centres = random.uniform(-0.9, 0.9, (count, 2))
-    angles = random.uniform(0, np.pi, count)
-    along = np.column_stack([np.cos(angles), np.sin(angles)])
-    across = np.column_stack([-along[:, 1], along[:, 0]])
-    heights = height * (1 + np.arange(count) / count)
-    leaves = [
-        rectangle((*(c - side / 2 * (a + b)), z), (*(side * a), 0), (*(side * b), 0))[:: 1 if k % 2 else -1]
-        for k, (c, a, b, z) in enumerate(zip(centres, along, across, heights, strict=True))
-    ]
-
-    def covered(x, y):
-        under = np.zeros(x.shape, bool)
-        for c, a, b in zip(centres, along, across, strict=True):
-            u, v = ((x - c[0]) * axis[0] + (y - c[1]) * axis[1] for axis in (a, b))
-            under |= (abs(u) < side / 2) & (abs(v) < side / 2)
-        return under
-
-    return leaves, covered
-
-
 @pytest.mark.parametrize(
     ("seed", "height"), [(2, 1e-5), *(pytest.param(1, height, marks=pytest.mark.slow) for height in (1e-4, 1e-6))]
 )
 @pytest.mark.filterwarnings("ignore::obscurance.ao.ToleranceWarning")
 def test_texels_on_either_side_of_a_leaf_s_edge_are_not_predicted_from_one(seed, height):
-    leaves, covered = litter(seed, height)
-    size, fine = 64, 32
-    baked = ao.bake_texture(
-        *over_floor(leaves), size, "binary", samples=256, tolerance=0.01, close_seams=False, seed=seed
-    )
-    at = (np.arange(size * fine) + 0.5) / (size * fine) * 2 - 1
-    x, y = np.meshgrid(at, -at)
-    share = covered(x, y).reshape(size, fine, size, fine).mean(axis=(1, 3))
-    whole = (share == 0) | (share == 1)  # other texels are crossed by an edge, and denoised with those beside them
+    size = 64
+    mesh, uv, exact = leaves(seed, size, height)
+    baked = ao.bake_texture(mesh, uv, size, "binary", samples=256, tolerance=0.01, close_seams=False, seed=seed)
+    whole = (exact == 0) | (exact == 1)  # other texels are crossed by an edge, and denoised with those beside them
     whole = sliding_window_view(np.pad(whole, 1, mode="edge"), (3, 3)).all(axis=(2, 3))
-    assert np.sqrt(np.mean((baked.w - (1 - share))[whole] ** 2)) < 0.005
+    assert np.sqrt(np.mean((baked.w - exact)[whole] ** 2)) < 0.005
     assert baked.rays_skipped["predicted"] > 0
 
 

@@ -82,10 +82,3 @@ def test_vertices_that_are_shared_have_one_value_and_those_of_a_split_mesh_one_a
         truth = [exact(side, *uv) for uv in np.clip(places, 1e-6, 1 - 1e-6)]
         at_rim = split.vertices[at, 2] == 1  # which sees all that is above
         np.testing.assert_allclose(apart.w[at], np.where(at_rim, 0.5, truth), atol=0.02)
-
-
-def test_prepared_meshes_have_hard_edges_in_textures():
-    mesh = box("shared")
-    again = ao.bake_texture(ao.prepare(mesh), charts(CELLS), 4 * CELLS, ao.Binary(), samples=64)
-    once = ao.bake_texture(mesh, charts(CELLS), 4 * CELLS, ao.Binary(), samples=64)
-    np.testing.assert_array_equal(again.w, once.w)

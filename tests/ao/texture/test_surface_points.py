@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from meshes import hills
+from meshes import grid, hills
 from uv_meshes import icosphere, inward_cube, quads, rectangle, square
 
 import obscurance.ao.texture.texels
@@ -135,11 +135,8 @@ def test_one_point_is_as_near_to_the_truth_as_several(set_single_points):
 
 def valley():
     """A smooth valley on a grid, and its texture coordinates."""
-    steps = np.linspace(-1, 1, 33)
-    x, y = (axis.ravel() for axis in np.meshgrid(steps, steps, indexing="ij"))
-    corner = (33 * np.arange(32)[:, None] + np.arange(32)).ravel()
-    faces = np.concatenate([np.stack([corner, corner + step, corner + 34], axis=1) for step in (33, 1)])
-    faces[len(corner) :, [1, 2]] = faces[len(corner) :, [2, 1]]
+    vertices, faces = grid(32, 2.0)
+    x, y, _ = vertices.T
     mesh = Mesh(np.stack([x, y, 0.3 * np.cos(np.pi * (x + 0.3 * y**2))], axis=1), faces)
     return mesh, np.stack([x, y], axis=1) * 0.45 + 0.5
 

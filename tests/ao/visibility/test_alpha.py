@@ -83,16 +83,6 @@ def test_a_card_over_a_floor_occludes_by_its_alpha(tmp_path, card):
     assert np.allclose(w, 1 - alpha * form_factors(HEIGHT, right=right), atol=0.01)
 
 
-def test_what_two_layers_let_through_is_the_product():
-    mesh = over_floor((HEIGHT, 0.5, AlphaSurface(0.3)), (0.8, 1.0, AlphaSurface(0.5)))
-    near, far = form_factors(HEIGHT), form_factors(0.8, 1.0)  # the far one covers the near one as seen from the floor
-    inside = (abs(FLOOR[:, :2]) < 0.5).all(axis=1)
-    w = floor_w(mesh)
-    assert np.allclose(w[inside], (1 - 0.3 * near - 0.5 * far + 0.15 * near)[inside], atol=0.01)
-    layers = [(HEIGHT, square_of(0.3)), (0.8, square_of(0.5, 1.0))]
-    assert np.allclose(w, w_of_planes(layers, lambda distance: 0.0), atol=0.01)
-
-
 def test_layers_count_by_their_distance(tmp_path):
     leaf = AlphaSurface(texture=leaf_texture(tmp_path, 0.8))
     mesh = over_floor((1.0, 1.2, None), (0.3, 0.5, leaf), (0.6, 0.7, AlphaSurface(0.4)))

@@ -244,16 +244,3 @@ def test_from_python_in_five_lines(tmp_path, monkeypatch):
         scenes.write("ao.png", ao.bake_texture(([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), UV[:3], 8), file)
     with pytest.raises(ValueError, match=r"a \.glb, or an image of one texture"):
         scenes.write("ao.png", [baked, baked], file)
-
-
-def test_coordinates_of_an_obj_and_new_ones_from_python(tmp_path):
-    pytest.importorskip("uvunwrap")
-    path = tmp_path / "q.obj"
-    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n")
-    file = scenes.load(path)
-    assert file.uv.tolist() == [[[0, 0], [1, 0], [1, 1]]]
-    uv = scenes.unwrap(file.mesh, 64)
-    scenes.write(tmp_path / "q.glb", ao.bake_texture(file.mesh, uv, 64, samples=8), file)
-    np.testing.assert_array_equal(scenes.load(tmp_path / "q.glb").uv, file.uv)
-    assert np.allclose(scenes.load(tmp_path / "q.glb").texture_coordinates(1), uv, atol=1e-6)
-    assert scenes.Asset.of((file.mesh.vertices, file.mesh.faces)).uv is None

@@ -45,15 +45,6 @@ def test_every_format_holds_the_same_w(corner, tmp_path, ending, step):
     assert np.abs(found - truth).max() <= step
 
 
-def test_half_floats(corner, tmp_path):
-    for ending in (".exr", ".tif"):
-        path = tmp_path / f"w{ending}"
-        bake(corner, "-o", path, *FEW, "--half")
-        import OpenImageIO as oiio
-
-        assert oiio.ImageBuf(str(path)).spec().format == oiio.HALF
-
-
 def test_summary_report_and_companions(corner, tmp_path):
     files = {"-o": "w.png", "--report": "r.json", "--bent-normals": "n.exr", "--error-map": "e.tif"}
     result = bake(corner, *(word for name, file in files.items() for word in (name, tmp_path / file)), *FEW)
@@ -90,13 +81,6 @@ def test_udim_tiles_have_a_file_each(tmp_path):
     assert [page["texture"]["mirrored"] for page in pages.values()] == [0, 0]
     together = bake(path, "-o", tmp_path / "w.exr", *FEW)
     assert "2 faces reach out of the unit square" in together.stderr
-
-
-def test_tiles_that_no_face_reaches_into_have_no_file(tmp_path):
-    path = tmp_path / "corner.obj"
-    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt .1 .1\nvt 1.8 .1\nvt .1 1.8\nf 1/1 2/2 3/3\nf 1 2 3\n")
-    bake(path, "-o", tmp_path / "w.<UDIM>.exr", *FEW)
-    assert sorted(file.name for file in tmp_path.glob("*.exr")) == ["w.1001.exr", "w.1002.exr", "w.1011.exr"]
 
 
 def test_overlaps_are_reported_and_refused(tmp_path):

@@ -73,22 +73,6 @@ def test_what_stands_behind_glass_is_seen(tmp_path, monkeypatch, alpha, kept, en
     assert sum(len(part.faces) for part in trimesh.load_scene(f"out.{ending}").geometry.values()) == kept
 
 
-@pytest.mark.parametrize(("transmitted", "kept"), [(0.9, 32), (0, 12)])
-def test_what_stands_behind_glass_that_transmits_is_seen(tmp_path, monkeypatch, transmitted, kept):
-    monkeypatch.chdir(tmp_path)
-    builder = Builder()
-    box, ball = trimesh.creation.box((2, 2, 2)), trimesh.creation.icosphere(subdivisions=0, radius=0.5)
-    builder.mesh(builder.primitive(box.vertices.astype("<f4"), box.faces, material=0))
-    builder.mesh(builder.primitive(ball.vertices.astype("<f4"), ball.faces))
-    glass = {"extensions": {"KHR_materials_transmission": {"transmissionFactor": transmitted}}}
-    (tmp_path / "box.glb").write_bytes(builder.glb([{"mesh": 0}, {"mesh": 1}], materials=[glass]))
-    assert f": {kept} faces" in obscurance("prune", "box.glb", "-o", "out.glb").stdout
-    done = obscurance("bake", "box.glb", "-o", "w.npy", "--falloff", "binary", "--samples", 256)
-    assert ("alpha: 0 faces cut out, 12 blended" in done.stdout) == (transmitted > 0)
-    inside = np.load("w.npy")[len(box.vertices) :]
-    assert abs(inside - transmitted).max() < 0.03
-
-
 def test_a_document_keeps_what_is_no_face_of_its_scene(tmp_path, monkeypatch):
     """Nodes without a mesh, lines, another scene's mesh, morph targets, cameras and animations."""
     monkeypatch.chdir(tmp_path)
@@ -256,9 +240,3 @@ def test_neighbours_of_seen_faces_stay(lidless, seen):
     folder, whole = lidless
     one, many = (kept(folder, "--keep-neighbours", rings)[0]["ball"] for rings in (1, 20))
     assert seen[0]["ball"] < one < many == whole["ball"]
-
-
-def test_what_goes_as_a_whole_is_one_of_three(lidless):
-    line = "prune", lidless[0] / "box.glb", "-o", lidless[0] / "x.glb"
-    refused(obscurance(*line, "--by", "x"), "prune --by", "faces, parts, objects")
-    refused(obscurance(*line, "--keep-neighbours", "-1"), "--keep-neighbours", "from 0 on")

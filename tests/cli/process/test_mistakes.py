@@ -255,6 +255,8 @@ COMMANDS = [
     # other commands
     ("prune a.ply -o out.png", "output", ".glb"),
     ("prune a.ply -o a.ply", "a.ply"),
+    ("prune a.ply -o out.glb --by x", "prune --by", "faces, parts, objects"),
+    ("prune a.ply -o out.glb --keep-neighbours -1", "--keep-neighbours", "from 0 on"),
     ("prune none.glb -o out.glb", "none.glb"),
     ("prune bad.glb -o out.glb", "bad.glb"),
     ("render scene.toml -o x.png --seed -1", "seed", "got -1"),

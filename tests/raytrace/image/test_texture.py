@@ -63,25 +63,8 @@ def reference(image, u, v, wrap=("repeat", "repeat")):
     return (1 - t) * ((1 - s) * at[0][0] + s * at[0][1]) + t * ((1 - s) * at[1][0] + s * at[1][1])
 
 
-def test_texel_centres_return_the_texels_rows_upwards(tmp_path):
-    image = codes(5, 7)
-    packed = pack_textures([png(tmp_path / "a.png", image)])
-    row, column = np.divmod(np.arange(35), 7)
-    found = sample(packed, (column + 0.5) / 7, 1 - (row + 0.5) / 5)
-    np.testing.assert_allclose(found.reshape(5, 7, 3), decode_srgb(image / 255), atol=1e-6)
-
-
-@pytest.mark.parametrize("size", [(1, 1), (5, 7), (8, 8), (1, 6), (6, 1)])
-def test_look_ups_against_numpy_also_far_outside(tmp_path, size):
-    image = codes(*size)
-    packed = pack_textures([png(tmp_path / "a.png", image)])
-    u, v = np.random.default_rng(1).uniform(-3, 4, (2, 500))
-    expected = reference(decode_srgb(image / 255).astype(float), u, v)
-    np.testing.assert_allclose(sample(packed, u, v), expected, atol=1e-9)
-
-
 @pytest.mark.parametrize("wrap", list(itertools.product(WRAPS, WRAPS)))
-@pytest.mark.parametrize("size", [(1, 1), (5, 7), (8, 8), (1, 6)])
+@pytest.mark.parametrize("size", [(1, 1), (5, 7), (8, 8), (1, 6), (6, 1)])
 def test_wrap_modes_against_numpy(tmp_path, size, wrap):
     image = codes(*size)
     packed = pack_textures([replace(png(tmp_path / "a.png", image), wrap=wrap)])

@@ -97,7 +97,7 @@ def test_a_texture_that_points_nowhere_leaves_the_grain_along_u():
 def test_a_grain_that_nothing_could_follow_is_refused():
     texture = directions(ALONG_U)
     brushed = BRUSHED[0](grain=(1, 0, 0))
-    for material, got in ((Lambert(albedo=0.5), "Lambert"), (brushed, f"{type(brushed).__name__} with a grain")):
+    for material, got in ((Lambert(albedo=0.5), "lambert"), (brushed, f"{brushed.model} with a grain")):
         expected = f"grain: expected an anisotropic material without a grain of its own, got {got}$"
         with pytest.raises(OptionError, match=expected):
             Shape(QUAD, material, UV, grain=texture)

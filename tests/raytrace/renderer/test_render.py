@@ -117,15 +117,6 @@ def test_the_two_forms_weight_what_they_say(still):
     np.testing.assert_array_equal(book["specular"], layers["off"]["specular"])
 
 
-def test_the_back_of_a_one_sided_surface_reflects_nothing():
-    for two_sided, expected in ((False, 0.0), (True, 1 / np.pi)):
-        scene = Scene(
-            (Object(Shape(PLANE, Lambert(albedo=1, two_sided=two_sided))),), (DirectionalLight(direction=(0, 1, 0)),)
-        )
-        frame = render(scene, Camera((0, -5, 0.1), (0, 0, 0.1), (1, 0, 0)), ONE)
-        np.testing.assert_allclose(pixel(frame)[:3], expected, rtol=1e-6)
-
-
 def test_a_lens_blurs_what_is_out_of_focus_only():
     edge = Object(Shape(grid((0, -5, 0), (5, 0, 0), (0, 10, 0), 10), Lambert(albedo=0, emission=1)))
     settings = Settings(width=64, height=8, samples=256)

@@ -142,6 +142,8 @@ def test_metals_mirror_the_sky_and_closed_corners_are_dark():
     assert picture(GOLD, sky, w=np.zeros(len(BALL.mesh.vertices)))["ambient"].max() < 1e-6
     assert [cone_visibility(w, 0.4, 0.2) for w in (0.0, 1.0)] == [0, 1]
     assert cone_visibility(0.3, 1.3, 0.2) < 0.05 < 0.5 < cone_visibility(0.3, 0.1, 0.2) <= 1
+    for slope in (0.2, 0.5):  # half of a cone of half-angle √2 slope whose axis lies w of that past the open one's edge
+        assert cone_visibility(0.5, np.pi / 4 + 0.5 * np.sqrt(2) * slope, slope) == pytest.approx(0.5)
 
 
 def test_no_more_is_mirrored_than_the_material_reflects_of_ambient_light():

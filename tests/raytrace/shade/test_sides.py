@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from rendered import ONE, PLANE, grid, pixel, sphere, white
+from rendered import PLANE, grid, pixel, sphere, white
 
 from obscurance.raytrace import Lambert, Mesh, OrenNayar, Phong, Strauss
 from obscurance.raytrace.brdf.reflect import reflect
@@ -128,10 +128,3 @@ def test_a_face_has_one_colour(shading, material):
     assert (np.ptp(frame.layers["beauty"], axis=(0, 1)) == 0).all()
     assert frame.layers["beauty"][..., :3].min() > 0
     assert frame.layers["specular"].any() == (shading == "flat" and isinstance(material, Phong))
-
-
-def test_nothing_shows_through_what_is_opaque():
-    camera = Camera((0, -5, 0.1), (0, 0, 0.1), (1, 0, 0))
-    for background in ((0, 0, 0), (0.1, 0.2, 0.8)):
-        frame = render(Scene((Object(Shape(PLANE, Lambert(albedo=1))),), (), background), camera, ONE)
-        np.testing.assert_array_equal(pixel(frame), [0, 0, 0, 1])

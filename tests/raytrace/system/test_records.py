@@ -121,14 +121,6 @@ def test_a_misspelt_name_has_the_one_that_was_meant():
     assert caught.value.nearest == "colour"
 
 
-@pytest.mark.parametrize("position", [[1, "2", 3], [1, True, 3], [1, 2, float("nan")], [1, 2], "123", None])
-def test_a_light_is_at_three_numbers(position):
-    with pytest.raises(OptionError, match=r"^PointLight: position"):
-        raytrace.PointLight(position=position)
-    with pytest.raises(OptionError, match=r"^PointLight: position"):
-        raytrace.light_from_dict({"light": "point", "position": position})
-
-
 def test_parameters_are_checked_however_they_are_made():
     light = raytrace.PointLight(position=(1, 2, 3))
     with pytest.raises(OptionError, match="position: expected a list of numbers, got 3"):

@@ -61,6 +61,12 @@ def test_open_edges_of_an_stl_are_counted_as_the_bake_sees_them(tmp_path, left_o
     assert (found["edges"], found["open_edges"]) == expected
 
 
+def test_an_edge_without_a_length_is_none():
+    """Of a face with two corners at one place."""
+    found = facts(Asset.of(Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 0]], [[0, 1, 2], [0, 3, 1]])))
+    assert (found["edges"], found["open_edges"], found["edges_of_three_faces_or_more"]) == (3, 2, 1)
+
+
 def test_what_surfaces_have_is_listed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "two.glb").write_bytes(transformed())

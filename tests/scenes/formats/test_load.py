@@ -98,11 +98,6 @@ def test_mixed_polygons_as_long_as_even_ones(tmp_path):
     assert read(tmp_path, "m.ply", data).mesh.faces.tolist() == faces
 
 
-def test_importing_the_loader_does_not_import_trimesh():
-    code = "import sys; import obscurance.scenes.formats.load; sys.exit('trimesh' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
 PEAK = """
 import sys
 from obscurance.scenes.formats import load

@@ -37,6 +37,7 @@ from obscurance.scenes.formats.load import load
         ("m.obj", b"\x89PNG\r\n\x1a\n" + bytes(100), "at least one triangle"),
         ("m.3mf", b"PK\x03\x04 and no archive", "3MF file"),
         ("m.3mf", b"text", "3MF file"),
+        ("m.ply", b"x" + ply()[1:], "PLY file, got no header of a PLY file"),
         ("m.ply", ply(faces=np.empty((0, 3))), "at least one triangle, got none, and 7 points"),
         ("m.ply", ply(faces=FACES + 5), "indices from 0 to 6"),
         ("m.ply", ply(faces=FACES - 1), "indices from 0 to 6"),

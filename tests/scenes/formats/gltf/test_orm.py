@@ -80,15 +80,6 @@ def test_sixteen_bits_stay_sixteen_and_grey_becomes_both(tmp_path):
     assert np.array_equal(found[:, :, 0], np.rint(W * np.float32(65535)))
 
 
-def test_a_jpeg_is_read(tmp_path):
-    image = np.full((8, 8, 3), (0, 90, 200), np.uint8)
-    found = codes_of(
-        asset := packed(tmp_path, source(tmp_path, png(image, "JPEG"), rough({"index": 0}))), both(asset)[0]
-    )
-    assert np.abs(found[:, :, 1:].astype(int) - image[:, :, 1:]).max() <= 3
-    assert np.array_equal(found[:, :, 0], np.rint(W * 255))
-
-
 def test_materials_without_an_image_get_a_white_one_and_keep_their_factors(tmp_path):
     material = {"pbrMetallicRoughness": {"roughnessFactor": 0.25, "metallicFactor": 0}}
     asset = packed(tmp_path, source(tmp_path, png(np.zeros((2, 2, 3), np.uint8)), material))

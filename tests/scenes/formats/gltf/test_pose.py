@@ -99,29 +99,6 @@ def two_joints(kind="<f4", sets=1):
     return builder.glb(nodes, [0, 2], skins=[skin(builder)]), blended(joints, exact)
 
 
-def armature():
-    """A body in centimetres, whose joints stand below an armature of scale .01, and a hat in metres close above it."""
-    builder = Builder()
-    builder.mesh(one_joint(builder, builder.primitive(QUAD * np.float32(100), HALVES, UP)))
-    builder.mesh(builder.primitive(QUAD * np.float32(3) - np.float32(1), HALVES, -UP))
-    nodes = [
-        {"name": "armature", "scale": [0.01, 0.01, 0.01], "children": [1]},
-        {"name": "hip"},
-        {"name": "body", "mesh": 0, "skin": 0},
-        {"name": "hat", "mesh": 1, "translation": [0, 0, 1.05]},
-    ]
-    return builder.glb(nodes, [0, 2, 3], skins=[{"joints": [1]}])
-
-
-def test_a_hat_covers_a_body_below_a_small_armature(tmp_path):
-    file = read(tmp_path, "in.glb", armature())
-    body, hat = file.parts
-    np.testing.assert_allclose(file.mesh.vertices[body.vertices], QUAD, rtol=1e-12)
-    np.testing.assert_array_equal(file.mesh.vertices[hat.vertices], shifted(QUAD * 3 - 1, 0, 0, 1.05))
-    w = ao.bake(file.mesh, samples=64).w
-    assert (w[body.vertices] < 0.7).all()
-
-
 @pytest.mark.parametrize(("kind", "sets"), [("<f4", 1), ("<f4", 2), ("u1", 1), ("u1", 2), ("<u2", 1)])
 def test_joints_are_blended(tmp_path, kind, sets):
     data, matrices = two_joints(kind, sets)

@@ -66,31 +66,6 @@ def test_a_v_valley(tmp_path):
     assert np.abs(w[20, 10:30] - exact).max() < 0.02
 
 
-def test_a_street_canyon(tmp_path):
-    """Oke 1981: on the middle of the floor of a canyon as high as half its width, cos(atan(2 H / W))."""
-    write(tmp_path / "canyon.tif", valley(161, lambda x: np.where(x < 40, 0.0, 40.0)), along=LONG)
-    w, _ = sky(tmp_path / "canyon.tif")
-    assert abs(w[20, 80] - np.cos(np.arctan(40 / 39.5))) < 0.01
-
-
-@pytest.mark.parametrize("shape", ["basin", "cone"])
-def test_a_basin_and_a_cone(tmp_path, shape):
-    """In a round basin with a horizon of β all around, cos² β is left. At the tip of a cone the horizon is that of the
-    triangles there: in two quadrants two of them, in the others one."""
-    steps = np.arange(121) - 60.0
-    radius = np.hypot(steps, steps[:, None])
-    height = 40 * np.tan(BETA)
-    heights = np.where(radius < 40, 0.0, height) if shape == "basin" else radius * np.tan(BETA)
-    write(tmp_path / "round.tif", np.where(radius <= 60, heights, NOWHERE))
-    w, _ = sky(tmp_path / "round.tif", "--normals", "up", "--tolerance", 0.002)  # the tip is one cell of thousands
-    turn = np.radians(np.linspace(0, 90, 1001))
-    within = np.minimum(turn, np.pi / 2 - turn)
-    two = np.cos(within) + (2**0.5 - 1) * np.sin(within)
-    rises = np.tan(BETA) * np.array([two, np.cos(turn) + np.sin(turn)] if shape == "cone" else [1.0])
-    assert abs(w[60, 60] - np.mean(1 / (1 + rises**2))) < 0.03
-    assert (w[radius > 60] == NOWHERE).all()
-
-
 def horizons(heights, cell, azimuths):
     """Tangents (cells, azimuths) of the horizon's elevation, by the profile of the surface towards each azimuth: its
     highest points are over edges, of rows, of columns and of the diagonals of cells; −∞ where none is."""
