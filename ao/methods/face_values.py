@@ -13,7 +13,7 @@ from obscurance.raytrace.types import AnyInts, Float32s, Float64s, Int64s, UInt3
 from ..estimate.estimate import estimate_outside
 from ..estimate.inside import OutsideSampler
 from ..estimate.one_ring import Neighbours
-from ..estimate.sites import SEVERAL_PLACES, Sites
+from ..estimate.sites import CUT_BY_SOLIDS, SEVERAL_PLACES, Sites
 from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
 from ..points.points import Points
@@ -63,19 +63,20 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
         return SurfaceSamples.place(on_faces, all_count, surface, receivers, threads), np.arange(len(numbers))
 
     # Their samples, out of solids, but of those that are inside.
-    outside = OutsideSampler(draw, prepared.inside)
+    outside = OutsideSampler(draw, prepared.inside, prepared.near_solids)
     everything, key = np.arange(len(faces)), derive(prepared.key, _PLACES)
     samples, _ = draw(everything, 0 * everything, key)
-    samples, hidden = outside.settle(everything, samples, key)
+    samples, cut, hidden = outside.settle(everything, samples, key)
 
     def elsewhere(numbers: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
-        return outside.elsewhere(numbers, parts, key, hidden[numbers])[0]
+        return outside.elsewhere(numbers, parts, key, cut[numbers], hidden[numbers])[0]
 
     # Their estimates, by each falloff.
     tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere, _RAYS), "faces", checkpoint)
     middle = surface.points_at(faces, np.full((len(faces), 3), 1 / 3, np.float32), threads)
     points = Points.lifted(middle.positions, middle.positions, middle.axes)
-    sites = Sites.alike(points, partial(_neighbours, corners, points.normals, threads), SEVERAL_PLACES)
+    kinds = np.where(cut, CUT_BY_SOLIDS, SEVERAL_PLACES).astype(np.uint8)
+    sites = Sites(points, partial(_neighbours, corners, points.normals, threads), kinds)
     filled = hidden & (options.interior != "mark")
     values = PointValues.of(*estimate_outside(tracer, sites, filled, options), tracer.rays)
 

@@ -209,9 +209,12 @@ def test_samples_of_what_is_in_a_solid_in_part_are_even_over_the_rest() -> None:
         faces, normals = np.zeros(len(at), np.int32), np.zeros((len(at), 5), np.float32)
         return SurfaceSamples(starts, faces, points, normals, np.zeros(len(sites), np.bool_)), np.arange(len(sites))
 
-    sampler = OutsideSampler(draw, lambda samples: samples.points.origins[:, 0] < -0.2)
+    sampler = OutsideSampler(
+        draw, lambda samples: samples.points.origins[:, 0] < -0.2, lambda samples: np.ones(len(samples), np.bool_)
+    )
     sites = np.arange(2000)
-    samples, hidden = sampler.settle(sites, draw(sites, 0 * sites, np.uint32(1))[0], np.uint32(2))
+    samples, cut, hidden = sampler.settle(sites, draw(sites, 0 * sites, np.uint32(1))[0], np.uint32(2))
+    assert cut.all()
     assert not hidden.any()
     assert samples.points.origins[:, 0].min() >= -0.2
     assert (samples.counts[samples.all_count] == 16).all()
