@@ -48,7 +48,7 @@ _KEY = np.uint32(0x51DE)
 _DRAWING = 1 << 14  # points that the sets of directions are for
 _BLOCK, _NEAR, _MOST = 1 << 7, 1 << 9, 16  # points, and blocks at once
 _SEVERAL = 16  # samples of a site that is in a solid in part, at least: w changes most where solids meet
-_DECIDING = 4  # parts of a site's places by which it is cut, or hidden, for any seed alike
+_DECIDING, _OF_PART = 16, 4  # places by which a site is cut, or hidden, for any seed alike; of a part, at least
 _ATTEMPTS, _MOST_DRAWN = 6, 1 << 12  # at samples outside: 1, 2, 4, … parts of a site's, of so many samples at most
 _sought: WeakKeyDictionary[Receivers, tuple[Int64s, Bools]] = WeakKeyDictionary()
 
@@ -139,9 +139,10 @@ class OutsideSampler(NamedTuple):
         inside = self.is_inside(samples)
         cut, seen = np.zeros((2, len(samples)), np.bool_)
         cut[samples.groups_with(inside)] = True
-        some = np.repeat(np.flatnonzero(cut | self.are_near(samples)), _DECIDING)
+        some = np.flatnonzero(cut | self.are_near(samples))
         if len(some):
-            drawn, of = self.draw(sites[some], np.arange(len(some)) % _DECIDING, _KEY)
+            some, parts = _first_parts(some, _deciding_parts(samples.counts[some]))
+            drawn, of = self.draw(sites[some], parts, _KEY)
             within = self.is_inside(drawn)
             cut[some[of[drawn.groups_with(within)]]] = True
             seen[some[of[drawn.groups_with(~within)]]] = True
@@ -183,14 +184,14 @@ class OutsideSampler(NamedTuple):
         row = np.repeat(np.arange(len(some)), counts)
         for attempt in range(_ATTEMPTS + 1):
             is_last = attempt == _ATTEMPTS  # where there is nothing yet, among the places that do not depend on a seed
-            times = _DECIDING if is_last else 1 << attempt
+            times = _deciding_parts(counts) if is_last else np.full(len(some), 1 << attempt)
             short = np.bincount(row[outside], minlength=len(some)) < (1 if is_last else wanted)
-            of_part = np.repeat(np.flatnonzero(short & (times * counts <= _MOST_DRAWN)), times)
-            if not len(of_part):
+            drawing = np.flatnonzero(short & (times * counts <= _MOST_DRAWN))
+            if not len(drawing):
                 continue
-            others = np.arange(len(of_part)) % times
+            of_part, others = _first_parts(drawing, times[drawing])
             if not is_last:
-                others += parts[some[of_part]] * times
+                others += parts[some[of_part]] << attempt
             keys = others, _KEY if is_last else derive(key, attempt)
             drawn, of = self.draw(sites[some[of_part]], *keys)
             pool = pool.followed_by(drawn)
@@ -211,6 +212,16 @@ class OutsideSampler(NamedTuple):
         rows = np.repeat(settled.starts[some], wanted) + rank
         settled.put(rows, pool, usable[np.repeat(first, wanted) + chosen.astype(np.int64)])
         return settled, found_any
+
+
+def _deciding_parts(counts: Int64s) -> Int64s:
+    """How many parts (k,) of sites' places are enough to decide on, of so many samples each, `counts` (k,)."""
+    return -(-_DECIDING // np.maximum(counts, _OF_PART))
+
+
+def _first_parts(sites: Int64s, counts: Int64s) -> tuple[Int64s, Int64s]:
+    """Each of `sites` (k,) as often as `counts` (k,) say, (n,), and the number of the part 0, 1, … of each time."""
+    return np.repeat(sites, counts), np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:
