@@ -18,7 +18,7 @@ from obscurance.raytrace.system.threads import thread_count
 from obscurance.raytrace.types import Bools, Int64s
 
 from .declared import options_record
-from .estimate.inside import inside_solids
+from .estimate.inside import inside_solids, near_solids
 from .execute.kept import NOTHING_KEPT, Kept
 from .execute.tracer import Progress, Tracer
 from .memory import vertex_bytes
@@ -181,6 +181,12 @@ class Prepared(NamedTuple):
         vertex = partial(self.receivers.faces.__getitem__, (samples.face, 0))
         interior = self.options.interior
         return inside_solids(samples.points, vertex, self.placement, self.receivers, interior, self.threads)
+
+    def near_solids(self, samples: "SurfaceSamples") -> Bools:
+        """The groups of samples (k,) that solids may cut; with `interior` mark or fill they are not sought."""
+        if self.options.interior != "auto":
+            return np.zeros(len(samples), np.bool_)
+        return near_solids(samples, self.placement, self.receivers, self.threads)
 
     @property
     def key(self) -> np.uint32:

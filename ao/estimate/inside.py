@@ -48,7 +48,8 @@ _KEY = np.uint32(0x51DE)
 _DRAWING = 1 << 14  # points that the sets of directions are for
 _BLOCK, _NEAR, _MOST = 1 << 7, 1 << 9, 16  # points, and blocks at once
 _SEVERAL = 16  # samples of a site that is in a solid in part, at least: w changes most where solids meet
-_ATTEMPTS, _MOST_DRAWN = 4, 1 << 12  # at samples outside: 1, 2, 4, … parts of a site's, of so many samples at most
+_DECIDING, _OF_PART = 16, 4  # places by which a site is cut, or hidden, for any seed alike; of a part, at least
+_ATTEMPTS, _MOST_DRAWN = 6, 1 << 12  # at samples outside: 1, 2, 4, … parts of a site's, of so many samples at most
 _sought: WeakKeyDictionary[Receivers, tuple[Int64s, Bools]] = WeakKeyDictionary()
 
 
@@ -77,7 +78,7 @@ def inside_solids(
         if not closed.any():
             return inside
         own_part = part[vertex()]
-        candidates = _inside_boxes(points.origins, own_part, placement.vertices, part, closed, threads)
+        candidates = _meeting_boxes(points.origins, points.origins, own_part, placement.vertices, part, closed, threads)
         hiding = np.where(closed[part], part, -1)[faces[:, 0]]
     else:
         hiding = np.zeros(len(faces), np.int64)
@@ -101,46 +102,77 @@ def inside_solids(
     return inside
 
 
+def near_solids(samples: SurfaceSamples, placement: Placement, receivers: Receivers, threads: int) -> Bools:
+    """The groups of samples (k,) that a closed part may cut which is not their own: boxes around all that samples are
+    spread over meet its box."""
+    near = np.zeros(len(samples), np.bool_)
+    part, closed = _closed_parts(placement.vertices, receivers)
+    if closed.any() and len(near):
+        low, high = (bound.reduceat(samples.points.origins, samples.starts[:-1]) for bound in (np.minimum, np.maximum))
+        beyond = (high - low).max(axis=1, keepdims=True)
+        own_part = part[receivers.faces[samples.face[samples.starts[:-1]], 0]]
+        near[_meeting_boxes(low - beyond, high + beyond, own_part, placement.vertices, part, closed, threads)] = True
+    return near
+
+
 class OutsideSampler(NamedTuple):
     """Makes samples of sites outside of solids.
 
     Attributes:
         draw: makes samples of some sites (n,), by parts (n,) of a sequence that is even over each and shifted by a key;
             and says which of the n have any, ascending.
-        is_inside: says which samples (p,) are inside.
+        is_inside: says which samples (p,) are inside. are_near: which groups of samples (k,) solids may cut.
     """
 
     draw: Callable[[Int64s, Int64s, np.uint32], tuple[SurfaceSamples, Int64s]]
     is_inside: Callable[[SurfaceSamples], Bools]
+    are_near: Callable[[SurfaceSamples], Bools]
 
-    def settle(self, sites: Int64s, samples: SurfaceSamples, key: np.uint32) -> tuple[SurfaceSamples, Bools]:
-        """The samples that all `sites` (k,) have, out of solids; and which sites are hidden, whose samples stay: of the
-        places drawn first for any seed alike none is outside."""
+    def settle(self, sites: Int64s, samples: SurfaceSamples, key: np.uint32) -> tuple[SurfaceSamples, Bools, Bools]:
+        """The samples that all `sites` (k,) have, out of solids; which are cut by solids, whose samples are moved; and
+        which are hidden, whose samples stay.
+
+        Places that are the same for every seed decide: if a site's own did, those of cut sites that all happen to lie
+        outside would stay, and have too much of what is near the solid. Hidden are sites of which none of these is
+        outside.
+        """
         inside = self.is_inside(samples)
-        some = samples.groups_with(inside)
-        hidden = np.zeros(len(samples), np.bool_)
-        hidden[some] = True
+        cut, seen = np.zeros((2, len(samples)), np.bool_)
+        cut[samples.groups_with(inside)] = True
+        some = np.flatnonzero(cut | self.are_near(samples))
         if len(some):
-            drawn, of = self.draw(sites[some], 0 * some, _KEY)
-            hidden[some[of[drawn.groups_with(~self.is_inside(drawn))]]] = False
-        return self._moved(samples, inside & ~np.repeat(hidden, samples.counts), sites, 0 * sites, key)[0], hidden
+            some, parts = _first_parts(some, _deciding_parts(samples.counts[some]))
+            drawn, of = self.draw(sites[some], parts, _KEY)
+            within = self.is_inside(drawn)
+            cut[some[of[drawn.groups_with(within)]]] = True
+            seen[some[of[drawn.groups_with(~within)]]] = True
+        hidden = cut & ~seen
+        cut &= seen
+        return self._moved(samples, inside, cut, sites, 0 * sites, key)[0], cut, hidden
 
-    def elsewhere(self, sites: Int64s, parts: Int64s, key: np.uint32, hidden: Bools) -> tuple[SurfaceSamples, Int64s]:
+    def elsewhere(
+        self, sites: Int64s, parts: Int64s, key: np.uint32, cut: Bools, hidden: Bools
+    ) -> tuple[SurfaceSamples, Int64s]:
         """Samples of sites (n,) as `draw` makes them, but out of solids, and which of the n have any.
 
-        Args: hidden: (n,), sites whose samples stay.
+        Args: cut, hidden: (n,), as `settle` found them.
         """
         samples, of = self.draw(sites, parts, key)
-        inside = self.is_inside(samples) & ~np.repeat(hidden[of], samples.counts)
-        samples, found = self._moved(samples, inside, sites[of], parts[of], key)
+        inside = self.is_inside(samples)
+        moved = cut[of]
+        moved[samples.groups_with(inside)] = True
+        samples, found = self._moved(samples, inside, moved & ~hidden[of], sites[of], parts[of], key)
         return (samples, of) if found.all() else (samples.only(np.flatnonzero(found)), of[found])
 
     def _moved(
-        self, samples: SurfaceSamples, inside: Bools, sites: Int64s, parts: Int64s, key: np.uint32
+        self, samples: SurfaceSamples, inside: Bools, moved: Bools, sites: Int64s, parts: Int64s, key: np.uint32
     ) -> tuple[SurfaceSamples, Bools]:
-        """The samples of `sites` (k,), where some are `inside` (p,) others, `_SEVERAL` or more, that are drawn until
-        enough are outside, or, where few are, these over and over; and which sites have any outside (k,)."""
-        some = samples.groups_with(inside)
+        """The samples of `sites` (k,), where these are `moved` (k,) others, `_SEVERAL` or more, that are drawn until
+        enough are outside, or, where few are, these over and over; and which sites have any outside (k,).
+
+        Args: inside: (p,), samples.
+        """
+        some = np.flatnonzero(moved)
         found_any = np.ones(len(samples), np.bool_)
         if not len(some):
             return samples, found_any
@@ -152,13 +184,15 @@ class OutsideSampler(NamedTuple):
         row = np.repeat(np.arange(len(some)), counts)
         for attempt in range(_ATTEMPTS + 1):
             is_last = attempt == _ATTEMPTS  # where there is nothing yet, among the places that do not depend on a seed
-            times = 1 if is_last else 1 << attempt
+            times = _deciding_parts(counts) if is_last else np.full(len(some), 1 << attempt)
             short = np.bincount(row[outside], minlength=len(some)) < (1 if is_last else wanted)
-            of_part = np.repeat(np.flatnonzero(short & (times * counts <= _MOST_DRAWN)), times)
-            if not len(of_part):
+            drawing = np.flatnonzero(short & (times * counts <= _MOST_DRAWN))
+            if not len(drawing):
                 continue
-            others = parts[some[of_part]] * times + np.arange(len(of_part)) % times
-            keys = (0 * others, _KEY) if is_last else (others, derive(key, attempt))
+            of_part, others = _first_parts(drawing, times[drawing])
+            if not is_last:
+                others += parts[some[of_part]] << attempt
+            keys = others, _KEY if is_last else derive(key, attempt)
             drawn, of = self.draw(sites[some[of_part]], *keys)
             pool = pool.followed_by(drawn)
             outside = np.append(outside, ~self.is_inside(drawn))
@@ -170,14 +204,24 @@ class OutsideSampler(NamedTuple):
         found = np.bincount(row[usable], minlength=len(some))
         some, first, found, wanted = (each[found > 0] for each in (some, np.cumsum(found) - found, found, wanted))
         found_any[some] = True
-        moved = samples.resized(some, wanted)
-        moved.all_count[some] |= wanted == _SEVERAL
+        settled = samples.resized(some, wanted)
+        settled.all_count[some] |= wanted == _SEVERAL
         start = np.ldexp(hash32_array(hash32_array(sites[some]) ^ hash32_array(parts[some]) ^ key), -32)
         rank = np.arange(wanted.sum()) - np.repeat(np.cumsum(wanted) - wanted, wanted)
         chosen = (np.repeat(start, wanted) + rank) * np.repeat(found / wanted, wanted)
-        rows = np.repeat(moved.starts[some], wanted) + rank
-        moved.put(rows, pool, usable[np.repeat(first, wanted) + chosen.astype(np.int64)])
-        return moved, found_any
+        rows = np.repeat(settled.starts[some], wanted) + rank
+        settled.put(rows, pool, usable[np.repeat(first, wanted) + chosen.astype(np.int64)])
+        return settled, found_any
+
+
+def _deciding_parts(counts: Int64s) -> Int64s:
+    """How many parts (k,) of sites' places are enough to decide on, of so many samples each, `counts` (k,)."""
+    return -(-_DECIDING // np.maximum(counts, _OF_PART))
+
+
+def _first_parts(sites: Int64s, counts: Int64s) -> tuple[Int64s, Int64s]:
+    """Each of `sites` (k,) as often as `counts` (k,) say, (n,), and the number of the part 0, 1, … of each time."""
+    return np.repeat(sites, counts), np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def _closed_parts(vertices: Float32s, receivers: Receivers) -> tuple[Int64s, Bools]:
@@ -333,20 +377,21 @@ def holes(mesh: Mesh) -> list[str]:
     return [f"{mesh.source}: {open_edges:,} {text}"] if open_edges else []
 
 
-def _inside_boxes(
-    points: Float32s, own_part: Int64s, vertices: Float32s, part: Int64s, closed: Bools, threads: int
+def _meeting_boxes(
+    low: Float32s, high: Float32s, own_part: Int64s, vertices: Float32s, part: Int64s, closed: Bools, threads: int
 ) -> Int64s:
-    """Rows, ascending, of `points` (k, 3) within the bounding box of a closed part other than their `own_part` (k,).
+    """Rows, ascending, of boxes from `low` to `high` (k, 3), points if these are the same, that meet the bounding box
+    of a closed part other than their `own_part` (k,).
 
-    Args: points: along a curve, for speed. vertices: (n, 3). part, closed: of `_solids`.
+    Args: low, high: along a curve, for speed. vertices: (n, 3). part, closed: of `_solids`.
     """
-    low = np.full((len(closed), 3), np.inf, np.float32)
-    high = np.full((len(closed), 3), -np.inf, np.float32)
-    _bound(vertices, part, low, high)
+    part_low = np.full((len(closed), 3), np.inf, np.float32)
+    part_high = np.full((len(closed), 3), -np.inf, np.float32)
+    _bound(vertices, part, part_low, part_high)
     numbers = np.flatnonzero(closed)
-    within = np.zeros(len(points), np.bool_)
-    _mark_within.on(threads)(points, own_part, (numbers, low[numbers], high[numbers]), within)
-    return np.flatnonzero(within)
+    meeting = np.zeros(len(low), np.bool_)
+    _mark_meeting.on(threads)(low, high, own_part, (numbers, part_low[numbers], part_high[numbers]), meeting)
+    return np.flatnonzero(meeting)
 
 
 @kernel
@@ -358,17 +403,18 @@ def _bound(vertices: Float32Rows, part: Int64s, low: Float32Rows, high: Float32R
             high[part[i], axis] = max(high[part[i], axis], vertices[i, axis])
 
 
-@parallel("points", _NEAR)
-def _mark_within(
+@parallel("low", _NEAR)
+def _mark_meeting(
     start: int,
     stop: int,
-    points: Float32Rows,
+    low: Float32Rows,
+    high: Float32Rows,
     own_part: Int64s,
     parts: tuple[Int64s, Float32Rows, Float32Rows],
-    within: Bools,
+    meeting: Bools,
 ) -> None:
-    """Set `within` of points in a box of `parts`, by numbers, low and high corners, other than their `own_part`."""
-    numbers, low, high = parts
+    """Set `meeting` of boxes that meet one of `parts`, by numbers, low and high corners, but their `own_part`."""
+    numbers, part_low, part_high = parts
     near = np.empty(len(numbers), np.int64)
     around = np.empty((2, 3), np.float32)
     for begin in range(start, stop, _NEAR):
@@ -376,16 +422,16 @@ def _mark_within(
         around[0], around[1] = np.inf, -np.inf
         for i in range(begin, end):
             for axis in range(3):
-                around[0, axis] = min(around[0, axis], points[i, axis])
-                around[1, axis] = max(around[1, axis], points[i, axis])
+                around[0, axis] = min(around[0, axis], low[i, axis])
+                around[1, axis] = max(around[1, axis], high[i, axis])
         for k in range(len(numbers)):
-            if _boxes_meet(around[0], around[1], low[k], high[k]):
+            if _boxes_meet(around[0], around[1], part_low[k], part_high[k]):
                 near[count] = k
                 count += 1
         for i in range(begin, end):
             for k in near[:count]:
-                if numbers[k] != own_part[i] and _boxes_meet(points[i], points[i], low[k], high[k]):
-                    within[i] = True
+                if numbers[k] != own_part[i] and _boxes_meet(low[i], high[i], part_low[k], part_high[k]):
+                    meeting[i] = True
                     break
 
 

@@ -20,7 +20,7 @@ from ..points.points import Points
 from ..rays.gather import BATCH_VARIANCE, COLUMNS, W
 from .calibration import Calibration, calibration_factor, mean_square
 from .ray_plan import BATCH, RATE, sampling_variance
-from .sites import KINDS, SEVERAL_PLACES, Sites
+from .sites import KINDS, Sites
 
 _LARGEST = 0.05  # part of the sites that count as largest errors
 _SAMPLED = 1 << 14  # sites by which the largest errors are found
@@ -201,12 +201,13 @@ class Probes:
         """Trace as many rays at each probe as its site has, where places count, not rays alone: with fewer places than
         the site a probe errs by more than what it measures. Args: own: estimates of all sites (k,)."""
         self._turn += 1
+        have_places = sites.have_places
         begin = 0
         for pair in self._copies:
             rows = self.rows[begin : begin + len(pair[0].rays)]
             begin += len(rows)
             have = pair[0].rays
-            wanted = np.where(sites.kinds[rows] == SEVERAL_PLACES, own.rays_at(rows), 0)
+            wanted = np.where(have_places[rows], own.rays_at(rows), 0)
             batches = 2.0 ** np.rint(np.log2(np.maximum(wanted - have, BATCH) / BATCH))
             more = np.where(wanted > _GROWN * have, BATCH * batches, 0).astype(np.int32)
             for copies, key in zip(pair, self._keys, strict=True):

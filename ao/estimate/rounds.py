@@ -21,7 +21,7 @@ from .cells import around
 from .probes import Checks, Copies, Probes
 from .ray_plan import BATCH, FEW_POINTS, RATE, TYPICAL, fall_of, first_rays, rays_alone, rays_to_add
 from .scales import denoise_over_scales
-from .sites import ONE_PLACE, PREDICTED, SEVERAL_PLACES, Sites
+from .sites import ONE_PLACE, PREDICTED, Sites
 
 _AIM = 0.83  # times the goal is aimed at: another round for few rays takes as long as many rays now
 _NEARLY = 0.97  # the same where little is missing, which is foreseen well
@@ -239,7 +239,7 @@ def _sets_of_probes(
 
     Args: counts: of `Probes`, for both together.
     """
-    if not (sites.kinds == SEVERAL_PLACES).any():
+    if not sites.have_places.any():
         return (Probes(tracer, sites, counts, rays, key, 0),) * 2
     counts = min(max(counts[0] // 2, _LEAST), -(-len(sites) // 2)), _AS_MANY
     return Probes(tracer, sites, counts, rays, key, 0), Probes(tracer, sites, counts, rays, key, 2)
@@ -370,6 +370,6 @@ def _of_neighbours(sites: Sites, error: Float64s, fallen: Float64s) -> Float64s:
     own = (error * fallen).astype(np.float32)
     around = sites.graph.means(own, 0.0)
     around[np.isnan(around)] = own[np.isnan(around)]
-    own_share = np.where(sites.kinds[sites.traced] == SEVERAL_PLACES, 0.5, 0.0)
+    own_share = np.where(sites.have_places[sites.traced], 0.5, 0.0)
     expected = (around + own_share * (own - around)) / fallen
     return np.asarray(expected * (np.mean(error) / max(float(np.mean(expected)), 1e-300)))

@@ -15,8 +15,8 @@ from .cells import Cells
 from .one_ring import Neighbours
 from .upsampling import upsample
 
-KINDS = 4
-ONE_PLACE, SEVERAL_PLACES, FOLDED, PREDICTED = range(KINDS)  # of sites, by how their errors come about
+KINDS = 5
+ONE_PLACE, SEVERAL_PLACES, CUT_BY_SOLIDS, FOLDED, PREDICTED = range(KINDS)  # of sites, by how their errors come about
 _UNEXPLAINED = 0.06  # part of the squared distance from a neighbours' mean that typical predictions leave
 
 
@@ -26,7 +26,7 @@ class Sites:
 
     Attributes:
         points: (k,), where they are, one point of each. find_neighbours: finds `neighbours`, when they are asked for.
-        kinds: uint8 (k,); those that are `FOLDED` are the last.
+        kinds: uint8 (k,). Those that are `FOLDED` are the last; some places of those `CUT_BY_SOLIDS` are inside.
         cell: int64 (k,), the traced site from which each is predicted, itself if it is traced; None: all are traced.
     """
 
@@ -34,6 +34,11 @@ class Sites:
     find_neighbours: Callable[[], Neighbours]
     kinds: UInt8s
     cell: Int64s | None = None
+
+    @property
+    def have_places(self) -> Bools:
+        """Which sites (k,) have several places, across which edges run that neighbours know nothing of."""
+        return np.isin(self.kinds, (SEVERAL_PLACES, CUT_BY_SOLIDS))
 
     @classmethod
     def alike(cls, points: Points, find_neighbours: Callable[[], Neighbours], kind: int) -> Sites:

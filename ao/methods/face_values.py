@@ -1,6 +1,7 @@
 """w of faces: the mean over samples spread over each, whose hemispheres are about the face's own normal, or `up`."""
 
 from functools import partial
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -8,12 +9,12 @@ from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import face_areas
 from obscurance.raytrace.sampling import derive, hash32_array, in_triangle
-from obscurance.raytrace.types import AnyInts, Float32s, Float64s, Int64s, UInt32s
+from obscurance.raytrace.types import AnyInts, Bools, Float32s, Float64s, Int64s, UInt32s
 
 from ..estimate.estimate import estimate_outside
 from ..estimate.inside import OutsideSampler
 from ..estimate.one_ring import Neighbours
-from ..estimate.sites import SEVERAL_PLACES, Sites
+from ..estimate.sites import CUT_BY_SOLIDS, SEVERAL_PLACES, Sites
 from ..execute.kept import Kept
 from ..execute.sample_means import SampleMeans
 from ..points.points import Points
@@ -38,18 +39,8 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
     """
     receivers, options, threads = prepared.receivers, prepared.options, prepared.threads
     vertices = prepared.placement.vertices.astype(np.float64)
-    # The faces that get w, along a curve; `receivers.faces` lacks those without area.
-    with_area = np.flatnonzero(face_areas(vertices, prepared.mesh.faces) > 0)
-    is_wanted = with_area < count
-    if prepared.requested is not None:
-        is_wanted &= prepared.requested[prepared.mesh.faces[with_area]].all(axis=1)
-    wanted = np.flatnonzero(is_wanted)
-    if not len(wanted):
-        raise MeshError(prepared.mesh.source, "faces", "some that have an area", "none")
-    wanted = wanted[morton_order(vertices[receivers.faces[wanted]].mean(axis=1).astype(np.float32))]
-    corners = receivers.of_vertex[receivers.faces[wanted]]
-    first, row_of_wanted = _coincident(corners) if receivers.opacity is None else (np.arange(len(wanted)),) * 2
-    faces, corners = wanted[first], corners[first]
+    wanted = _WantedFaces.of(prepared, count, vertices)
+    faces, corners = wanted.faces, wanted.corners
     areas = face_areas(vertices, receivers.faces[faces])
     surface = SmoothSurface.of(vertices, receivers)
     if options.normals != "up":
@@ -63,31 +54,60 @@ def sample_faces(prepared: Prepared, count: int, checkpoint: Kept | None) -> tup
         return SurfaceSamples.place(on_faces, all_count, surface, receivers, threads), np.arange(len(numbers))
 
     # Their samples, out of solids, but of those that are inside.
-    outside = OutsideSampler(draw, prepared.inside)
+    outside = OutsideSampler(draw, prepared.inside, prepared.near_solids)
     everything, key = np.arange(len(faces)), derive(prepared.key, _PLACES)
     samples, _ = draw(everything, 0 * everything, key)
-    samples, hidden = outside.settle(everything, samples, key)
+    samples, cut, hidden = outside.settle(everything, samples, key)
 
     def elsewhere(numbers: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
-        return outside.elsewhere(numbers, parts, key, hidden[numbers])[0]
+        return outside.elsewhere(numbers, parts, key, cut[numbers], hidden[numbers])[0]
 
     # Their estimates, by each falloff.
     tracer = prepared.sample_tracer(SampleMeans(samples, elsewhere, _RAYS), "faces", checkpoint)
     middle = surface.points_at(faces, np.full((len(faces), 3), 1 / 3, np.float32), threads)
     points = Points.lifted(middle.positions, middle.positions, middle.axes)
-    sites = Sites.alike(points, partial(_neighbours, corners, points.normals, threads), SEVERAL_PLACES)
+    kinds = np.where(cut, CUT_BY_SOLIDS, SEVERAL_PLACES).astype(np.uint8)
+    sites = Sites(points, partial(_neighbours, corners, points.normals, threads), kinds)
     filled = hidden & (options.interior != "mark")
     values = PointValues.of(*estimate_outside(tracer, sites, filled, options), tracer.rays)
 
-    # Rows of the estimates, and flags, of all faces of the mesh.
-    row = np.full(count, -1)
-    row[with_area[wanted]] = row_of_wanted
-    flags = np.full(count, Flag.DEGENERATE, np.uint8)
-    flags[with_area[with_area < count]] = 0
-    flags[with_area[wanted[hidden[row_of_wanted]]]] = Flag.HIDDEN
-    normals = samples.geometric_normals[samples.starts[:-1], :3]
-    elements = BakedElements(row, flags, np.ascontiguousarray(normals), len(wanted))
-    return elements, values
+    normals = np.ascontiguousarray(samples.geometric_normals[samples.starts[:-1], :3])
+    return wanted.elements(hidden, normals, count), values
+
+
+class _WantedFaces(NamedTuple):
+    """The faces that get w, along a curve, of those that coincide the first one alone."""
+
+    faces: Int64s  # (k,), of `Receivers`, which lack those without area
+    corners: AnyInts  # (k, 3), their points
+    with_area: Int64s  # the mesh's faces that are those of `Receivers`
+    wanted: Int64s  # (j,), of `Receivers`, all that get w
+    row: Int64s  # (j,), which of `faces` each of these is or coincides with
+
+    @classmethod
+    def of(cls, prepared: Prepared, count: int, vertices: Float64s) -> Self:
+        """Those of the first `count` faces of which all vertices are wanted. Raises: MeshError: none has an area."""
+        receivers = prepared.receivers
+        with_area = np.flatnonzero(face_areas(vertices, prepared.mesh.faces) > 0)
+        is_wanted = with_area < count
+        if prepared.requested is not None:
+            is_wanted &= prepared.requested[prepared.mesh.faces[with_area]].all(axis=1)
+        wanted = np.flatnonzero(is_wanted)
+        if not len(wanted):
+            raise MeshError(prepared.mesh.source, "faces", "some that have an area", "none")
+        wanted = wanted[morton_order(vertices[receivers.faces[wanted]].mean(axis=1).astype(np.float32))]
+        corners = receivers.of_vertex[receivers.faces[wanted]]
+        first, row = _coincident(corners) if receivers.opacity is None else (np.arange(len(wanted)),) * 2
+        return cls(wanted[first], corners[first], with_area, wanted, row)
+
+    def elements(self, hidden: Bools, normals: Float32s, count: int) -> BakedElements:
+        """Rows of the estimates, and flags, of all `count` faces of the mesh. Args: hidden, normals: of `faces`."""
+        row = np.full(count, -1)
+        row[self.with_area[self.wanted]] = self.row
+        flags = np.full(count, Flag.DEGENERATE, np.uint8)
+        flags[self.with_area[self.with_area < count]] = 0
+        flags[self.with_area[self.wanted[hidden[self.row]]]] = Flag.HIDDEN
+        return BakedElements(row, flags, normals, len(self.wanted))
 
 
 def _coincident(corners: AnyInts) -> tuple[Int64s, Int64s]:

@@ -12,7 +12,7 @@ from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.sampling import hash32
 from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64s, Int32Rows, Int64s
 
-from .places import OF_AREA, POINTS, SLOTS, Places, point_in_texel, shift
+from .places import OF_AREA, POINTS, SLOTS, Places, has_sample, point_in_texel, points_of_layers, shift
 from .raster import EDGE, INSIDE, Lists, Marks, least_edge, set_up_edges, store_barycentric
 
 MOST = 64  # samples of a texel; of more triangles over one another, as many have one, evenly spaced
@@ -89,7 +89,7 @@ def sample_partial(
             points[k] = point_in_texel(partial.places, i, partial.texels[i], k)
         offset = shift(partial.places, i, partial.texels[i], OF_AREA)
         texel_samples = triangle[i], barycentric[i]
-        place = partial.texels[i], points, offset[0]
+        place = partial.texels[i], points, offset[0], points_of_layers(partial.places, i, partial.texels[i])
         if partial.how[i] == LAYERS and _cover_all(corners, candidates, texel, points, (clipped, edges)):
             counts[i] = _sample_layers(corners, candidates, texel, place, edges, texel_samples)
         else:
@@ -171,9 +171,10 @@ def _is_part(area, triangle):
 def _sample_layers(corners, candidates, texel, place, edges, out):
     """Give all triangles over one another in a texel equally many samples, at its points; returns their number.
 
-    Args: place: the texel's number, its points, and from 0 to 1 where the first of thinned samples lies.
+    Args: place: the texel's number, its points, from 0 to 1 where the first of thinned samples lies, and of
+        `points_of_layers`.
     """
-    number, points, offset = place
+    number, points, offset, of_layers = place
     # How many triangles lie over one another at each point.
     depth = np.zeros(SLOTS, np.int64)
     for t in candidates:
@@ -181,12 +182,12 @@ def _sample_layers(corners, candidates, texel, place, edges, out):
         for k in range(SLOTS):
             depth[k] += least_edge(edges, texel[0] + points[k, 0], texel[1] + points[k, 1]) > INSIDE * area
     deepest = max(max(depth[0], depth[1]), max(depth[2], depth[3]))
-    # Samples are those of `_has_sample`, thinned out evenly to MOST from a place of the texel's own on, so that texels
+    # Samples are those of `has_sample`, thinned out evenly to MOST from a place of the texel's own on, so that texels
     # of many layers leave out different ones.
     sample_count = 0
     for k in range(SLOTS):
         for layer in range(depth[k]):
-            sample_count += _has_sample(layer, k, number, deepest)
+            sample_count += has_sample(layer, k, of_layers, deepest, _FEW)
     placed = min(sample_count, MOST)
     start = np.int64((hash32(number) * 2.0**-32 + offset) % 1.0 * sample_count)
     entry = 0
@@ -197,7 +198,7 @@ def _sample_layers(corners, candidates, texel, place, edges, out):
             x = texel[0] + points[k, 0]
             y = texel[1] + points[k, 1]
             if least_edge(edges, x, y) > INSIDE * area:
-                if _has_sample(depth[k], k, number, deepest):
+                if has_sample(depth[k], k, of_layers, deepest, _FEW):
                     to = (start + entry * placed) // sample_count
                     if to < (start + (entry + 1) * placed) // sample_count:
                         out[0][to] = t
@@ -205,14 +206,6 @@ def _sample_layers(corners, candidates, texel, place, edges, out):
                     entry += 1
                 depth[k] += 1
     return placed
-
-
-@inline
-def _has_sample(layer, k, texel, deepest):
-    """Whether a layer has a sample at point k of a texel, points being so chosen that all layers have equally many."""
-    if deepest <= 2:
-        return (layer + texel) % 2 == k // 2
-    return deepest <= _FEW or (layer + texel) % SLOTS == k
 
 
 @inline

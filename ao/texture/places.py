@@ -18,9 +18,12 @@ SLOTS = 4  # points of a texel
 POINTS = SLOTS + 1  # and its centre
 _COLUMN = np.array([1, 0])  # of cells, in which points 0 and 2 lie; the others are opposite to them
 _ROW = np.array([[0, 2], [3, 1], [2, 0], [1, 3]])  # the same of SLOTS parts, by which each cell has one
+_OF_LAYER = np.array(
+    [0, 3, 1, 2]
+)  # points of a layer that has one of each part, so that these are in all columns and rows
 _STEP = np.array([1.7548776662466927, 2.5698402909980532]) / SLOTS
 """From part to part; SLOTS of it make one of the R2 sequence (Roberts 2018), by which each cell is even, too."""
-_OF_POINTS, OF_AREA, _OF_CELLS = 0, 2, 4  # numbers that are drawn
+_OF_POINTS, OF_AREA, _OF_CELLS, _OF_LAYERS = 0, 2, 4, 5  # numbers that are drawn
 
 
 class Places(NamedTuple):
@@ -42,11 +45,31 @@ def point_in_texel(places, row, texel, k):
     """
     if k == SLOTS:
         return 0.5, 0.5
-    rows = (_random(places.key, texel, _OF_CELLS) + _part(places, row)) % SLOTS
+    rows = _rows_of_part(places, row, texel)
     x, y = shift(places, row, texel, _OF_POINTS)
     x = (_COLUMN[k // 2] + x) / SLOTS
     y = (_ROW[rows, k // 2] + y) / SLOTS
     return (1.0 - x, 1.0 - y) if k % 2 else (x, y)
+
+
+@inline
+def points_of_layers(places, row, texel):
+    """A number by chance to which that of a layer is added, and what tells which points it has; see `has_sample`."""
+    turn = _random(places.key, texel, _OF_LAYERS) % SLOTS + _part(places, row) // SLOTS
+    return turn, _rows_of_part(places, row, texel)
+
+
+@inline
+def has_sample(layer, k, of_layers, deepest, few):
+    """Whether a layer has a sample at point k of a texel: all layers have equally many, and over the parts each is in
+    all columns and rows of cells.
+
+    Args: of_layers: of `points_of_layers`. deepest: how many layers there are. few: so many have one at each point.
+    """
+    turn, rows = of_layers
+    if deepest <= 2:
+        return (layer + turn + rows) % 2 == k // 2
+    return deepest <= few or ((layer + turn) % SLOTS) ^ _OF_LAYER[rows] == k
 
 
 @inline
@@ -57,6 +80,11 @@ def shift(places, row, texel, first):
     x = _random(places.key, texel, first) * 2.0**-32 + part * _STEP[0]
     y = _random(places.key, texel, first + 1) * 2.0**-32 + part * _STEP[1]
     return x % 1.0, y % 1.0
+
+
+@inline
+def _rows_of_part(places, row, texel):
+    return (_random(places.key, texel, _OF_CELLS) + _part(places, row)) % SLOTS
 
 
 @inline

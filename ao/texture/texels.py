@@ -11,7 +11,7 @@ from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.types import Bools, Float32s, Float64s, Int32s, Int64s, UInt8s
 
 from ..estimate.inside import OutsideSampler
-from ..estimate.sites import ONE_PLACE, PREDICTED, SEVERAL_PLACES
+from ..estimate.sites import CUT_BY_SOLIDS, ONE_PLACE, PREDICTED, SEVERAL_PLACES
 from ..options import TextureOptions
 from ..points.points import Points
 from ..points.projection import FineMesh, Groups
@@ -35,6 +35,7 @@ class Texels:
 
     texels: Int64s  # (k,), row · width + column
     samples: SurfaceSamples  # of the b to bake
+    cut: Bools  # (b,), by solids that hold some of their places
     cell: Int64s  # (k,), the row of the baked texel that stands for each
     points: Points  # k, where they lie
     page_face: Int32s  # (k,), the face on the page at each texel's first sample
@@ -47,8 +48,10 @@ class Texels:
     @property
     def kinds(self) -> UInt8s:
         """The kinds (k,) of `Sites`."""
-        several = np.where(self.samples.counts == 1, ONE_PLACE, SEVERAL_PLACES)
-        return np.append(several, np.full(len(self) - len(several), PREDICTED)).astype(np.uint8)
+        kinds = np.full(len(self), PREDICTED, np.uint8)
+        several = np.where(self.cut, CUT_BY_SOLIDS, SEVERAL_PLACES)
+        kinds[: len(self.samples)] = np.where(self.samples.counts == 1, ONE_PLACE, several)
+        return kinds
 
     @property
     def stands_for(self) -> Int64s | None:
@@ -84,11 +87,11 @@ class TexelSampler:
         single = coverage.samples(order, by_centre, threads, most=1)
         order = order[morton_order(smooth.positions_at(single.face, single.barycentric, threads))]
         samples, missed = self._place(coverage, order, by_centre)
-        samples, hidden = self._outside.settle(coverage.texels[order], samples, self.prepared.key)
+        samples, cut, hidden = self._outside.settle(coverage.texels[order], samples, self.prepared.key)
         all_inside = bool(hidden.all())
         if hidden.any() and not all_inside:
             seen = np.flatnonzero(~hidden)
-            order, samples = order[seen], samples.only(seen)
+            order, cut, samples = order[seen], cut[seen], samples.only(seen)
         # The others are predicted from these: their cells' rows, and one point of each.
         baked = np.full(len(cell), -1)
         baked[order] = np.arange(len(order))
@@ -100,14 +103,16 @@ class TexelSampler:
         located = smooth.points_at(single.face[between], single.barycentric[between], threads)
         points = samples.first_points.followed_by(Points.lifted(located.positions, located.positions, located.axes))
         shown = single.face, single.barycentric
-        texels = Texels(coverage.texels[coverage_rows], samples, baked_cell[coverage_rows], points, *shown, all_inside)
+        found = coverage.texels[coverage_rows]
+        texels = Texels(found, samples, cut, baked_cell[coverage_rows], points, *shown, all_inside)
         return texels, len(by_centre) - len(texels), missed
 
     def elsewhere(self, texels: Texels, rows: Int64s, parts: Int64s, key: np.uint32) -> SurfaceSamples:
         """Samples of the texels `rows` (n,), by `parts` (n,) 0, 1, … of a sequence that is even over each and shifted
         by a key; where all of these are in solids, the texel's own, or those of what stands for it."""
         hidden = np.full(len(rows), texels.all_inside)
-        samples, moved = self._outside.elsewhere(texels.texels[rows], parts, key, hidden)
+        cut = texels.kinds[rows] == CUT_BY_SOLIDS
+        samples, moved = self._outside.elsewhere(texels.texels[rows], parts, key, cut, hidden)
         unmoved = np.setdiff1d(np.arange(len(rows)), moved)
         if not len(unmoved):
             return samples
@@ -116,7 +121,7 @@ class TexelSampler:
 
     @property
     def _outside(self) -> OutsideSampler:
-        return OutsideSampler(self._draw, self.prepared.inside)
+        return OutsideSampler(self._draw, self.prepared.inside, self.prepared.near_solids)
 
     def _draw(self, texels: Int64s, parts: Int64s, key: np.uint32) -> tuple[SurfaceSamples, Int64s]:
         """Samples of some `texels` (n,) of the page, by parts (n,) and a key; and which of them have any, ascending."""

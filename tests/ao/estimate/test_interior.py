@@ -12,7 +12,7 @@ from command import succeeded
 from meshes import crumpled as noisy
 
 from obscurance import ao
-from obscurance.ao.estimate.inside import OutsideSampler
+from obscurance.ao.estimate.inside import _KEY, OutsideSampler
 from obscurance.ao.points.points import Points
 from obscurance.ao.points.surface_samples import SurfaceSamples
 from obscurance.raytrace import Mesh, OptionError
@@ -196,6 +196,30 @@ def test_the_command_reports_them(solids: Mesh, tmp_path: Path) -> None:
     assert len(written["flagged_vertices"]["hidden"]) == written["flagged_vertices_at_most"] == 100
 
 
+def fours_at(places: np.ndarray) -> SurfaceSamples:
+    """Groups of four samples at `places` (4 k, 3)."""
+    at, count = np.float32(places), len(places) // 4
+    points = Points(at, at, np.arange(len(at), dtype=np.uint32), at)
+    faces, normals = np.zeros(len(at), np.int32), np.zeros((len(at), 5), np.float32)
+    return SurfaceSamples(4 * np.arange(count + 1), faces, points, normals, np.zeros(count, np.bool_))
+
+
+def test_samples_are_outside_where_only_one_of_the_places_that_decide_is() -> None:
+    def draw(sites: np.ndarray, parts: np.ndarray, key: np.uint32) -> tuple[SurfaceSamples, np.ndarray]:
+        height = np.repeat((parts == 3) & (key == _KEY), 4)
+        height[1::4] = False
+        return fours_at(np.stack([0 * height, 0 * height, height], -1)), np.arange(len(sites))
+
+    sampler = OutsideSampler(
+        draw, lambda samples: samples.points.origins[:, 2] == 0, lambda samples: samples.counts > 0
+    )
+    sites = np.arange(5)
+    samples, cut, hidden = sampler.settle(sites, draw(sites, 0 * sites, np.uint32(1))[0], np.uint32(2))
+    assert cut.all()
+    assert not hidden.any()
+    assert (samples.points.origins[:, 2] > 0).all()
+
+
 def test_samples_of_what_is_in_a_solid_in_part_are_even_over_the_rest() -> None:
     """Squares of which a part is in a solid: the mean of x + y errs by less than that of 16 random places."""
 
@@ -203,15 +227,14 @@ def test_samples_of_what_is_in_a_solid_in_part_are_even_over_the_rest() -> None:
         random = np.random.default_rng([int(key), *parts])
         corners = np.array([(0, 0), (0.5, 0.5), (0, 0.5), (0.5, 0)])
         x, y = ((corners + 0.5 * random.random((len(sites), 4, 2))).reshape(-1, 2) - 0.5).T
-        at = np.float32(np.stack([x, y, 0 * x], -1))
-        starts = 4 * np.arange(len(sites) + 1)
-        points = Points(at, at, np.arange(len(at), dtype=np.uint32), at)
-        faces, normals = np.zeros(len(at), np.int32), np.zeros((len(at), 5), np.float32)
-        return SurfaceSamples(starts, faces, points, normals, np.zeros(len(sites), np.bool_)), np.arange(len(sites))
+        return fours_at(np.stack([x, y, 0 * x], -1)), np.arange(len(sites))
 
-    sampler = OutsideSampler(draw, lambda samples: samples.points.origins[:, 0] < -0.2)
+    sampler = OutsideSampler(
+        draw, lambda samples: samples.points.origins[:, 0] < -0.2, lambda samples: np.ones(len(samples), np.bool_)
+    )
     sites = np.arange(2000)
-    samples, hidden = sampler.settle(sites, draw(sites, 0 * sites, np.uint32(1))[0], np.uint32(2))
+    samples, cut, hidden = sampler.settle(sites, draw(sites, 0 * sites, np.uint32(1))[0], np.uint32(2))
+    assert cut.all()
     assert not hidden.any()
     assert samples.points.origins[:, 0].min() >= -0.2
     assert (samples.counts[samples.all_count] == 16).all()

@@ -90,6 +90,35 @@ def layers(seed, size, count=90):
     return mesh, uv, np.full((size, size), 1 - len(dark) / count)
 
 
+def striped_layers(seed, size, count=2):
+    """Squares far apart that share the page, half of each texel dark: by strips along one axis, and along the other."""
+    start = np.random.default_rng(seed).random()
+    low = (np.arange(-1, size + 1) + start) / size
+    squares, lids = [], []
+    for layer in range(count):
+        at = 100 * layer * np.eye(3)[0]
+        squares.append((np.column_stack([UNIT, np.zeros(4)]) + at, HALVES))
+        for x in low:
+            corners = np.array([(x, -1), (x + 0.5 / size, -1), (x + 0.5 / size, 2), (x, 2)])[:, :: (-1) ** layer]
+            lids.append((np.column_stack([corners, np.full(4, 2e-4)]) + at, HALVES))
+    mesh = joined(squares + lids)
+    uv = np.full((len(mesh.faces), 3, 2), np.nan)
+    uv[: 2 * count] = np.tile(UNIT[HALVES], (count, 1, 1))
+    return mesh, uv, np.full((size, size), 0.5)
+
+
+def blocks_under_lids(seed, size, block=0.35, lid=0.7):
+    """In each texel a block that holds a corner of it, and a lid over the block and what is next to it, dark."""
+    corner = -1 + (np.argwhere(np.ones((size + 2, size + 2))) - 1 + np.random.default_rng(seed).random(2)) * 2 / size
+    sides = 2 / size * np.array([block, lid])
+    blocks = [box((sides[0], sides[0], 0.01), (*(at + sides[0] / 2), -0.0099)) for at in corner]
+    closed = [(v, np.concatenate([f, [[0, 6, 4], [0, 2, 6]]])) for v, f in blocks]  # `box` has no bottom
+    lids = [(np.column_stack([at + sides[1] * UNIT, np.full(4, 2e-4)]), HALVES) for at in corner]
+    mesh = joined([(FLOOR, HALVES), *closed, *lids])
+    dark = (lid**2 - block**2) / (1 - block**2)
+    return mesh, laid_flat(mesh, 2), np.full((size, size), 1 - dark)
+
+
 def chart_over_another(seed, size, part=0.3):
     """A square on all of the page, and in each texel a dark chart of a part of it."""
     random = np.random.default_rng(seed)
