@@ -62,18 +62,11 @@ def derive(key: np.uint32, salt: int) -> np.uint32:
     return np.uint32(hash32_array(hash32_array([salt]) ^ key)[0])
 
 
-def _barycentric(u: Any, v: Any) -> tuple[Any, Any, Any]:
-    root = np.sqrt(u)
-    return 1 - root, root * (1 - v), root * v
-
-
-point_in_triangle = inline(_barycentric)  # of one u and v, in kernels
-
-
 def in_triangle(u: Float64s, v: Float64s) -> Float64s:
     """Barycentric coordinates (…, 3) of points that are uniform in a triangle, of u and v (…) uniform in [0, 1) (Turk
     1990)."""
-    return np.stack(_barycentric(u, v), axis=-1)
+    root = np.sqrt(u)
+    return np.stack([1 - root, root * (1 - v), root * v], axis=-1)
 
 
 def stratified_rows(count: int, wanted: int, salt: int = 0) -> Int64s:

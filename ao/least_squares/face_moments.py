@@ -12,7 +12,7 @@ from obscurance.raytrace.kernel.jit import inline, kernel
 from obscurance.raytrace.kernel.vector import add, divide, dot, length, load, scale, store, subtract
 from obscurance.raytrace.mesh.placement import ULP
 from obscurance.raytrace.ray_origins.origins import OFFSET_ULPS
-from obscurance.raytrace.sampling import hash32, point_in_triangle
+from obscurance.raytrace.sampling import hash32
 from obscurance.raytrace.types import Float32Grid, Float64Grid, Float64Rows, Float64s, Int64Rows, Int64s
 
 from ..points.points import PointArrays
@@ -73,9 +73,10 @@ def columns(falloffs: int) -> int:
 
 @inline
 def sample_barycentric(k, shift, begin, end):
-    """Barycentric coordinates of sample `k` on the face that extends from `begin` to `end`."""
-    along = min(max((k + shift - begin) / (end - begin), 0.0), 1.0)
-    return point_in_triangle(along, (k * _GOLDEN) % 1.0)
+    """Barycentric coordinates of sample `k` on the face that extends from `begin` to `end` (Turk 1990)."""
+    s = np.sqrt(min(max((k + shift - begin) / (end - begin), 0.0), 1.0))
+    v = (k * _GOLDEN) % 1.0
+    return 1.0 - s, s * (1.0 - v), s * v
 
 
 @inline
