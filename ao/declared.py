@@ -52,7 +52,7 @@ class Option(NamedTuple):
 
     @property
     def is_list(self) -> bool:
-        """Whether it takes several values."""
+        """Whether the option takes several values."""
         return list in (get_origin(self.kind), *map(get_origin, get_args(self.kind)))
 
     @property

@@ -79,6 +79,7 @@ def column_bytes(points: int, columns: int) -> int:
 
 
 def corner_bytes(corners: int) -> int:
+    """Bytes that the corner samples of folded vertices take."""
     return _CORNER * corners
 
 

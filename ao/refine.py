@@ -135,7 +135,7 @@ class Probes(NamedTuple):
     estimates: Float64s
 
     def followed_by(self, others: Self) -> Self:
-        """These and then others."""
+        """Two sets of probes one after the other."""
         return type(self)(*(np.concatenate(both) for both in zip(self, others, strict=True)))
 
 
@@ -231,7 +231,7 @@ class Refinement:
         return Cuts(is_cut[edge], longest)
 
     def refined(self, cuts: Sequence[Cuts], error: float) -> Refined:
-        """The result. Args: cuts: that were made. error: as measured."""
+        """The mesh as it is cut. Args: cuts: that were made. error: as measured."""
         return Refined(tuple(cuts), error, self.row[self.own], self.corners)
 
     def _trace_vertices(self) -> None:

@@ -61,7 +61,7 @@ class SquaredError(NamedTuple):
 
     @property
     def at_least(self) -> float:
-        """The same less two standard errors."""
+        """The root of the mean less two standard errors."""
         return math.sqrt(max(self.mean - 2 * self.deviation, 0.0))
 
 
@@ -77,7 +77,7 @@ class Interpolation(NamedTuple):
 
     @property
     def visible(self) -> bool:
-        """Whether it is surely more than .05, so that shadows lack, or faces are dark all over."""
+        """Whether the error is surely more than .05, so that shadows lack, or faces are dark all over."""
         return self.at_least > VISIBLE
 
     @classmethod

@@ -238,7 +238,7 @@ class Workers:
     def make(
         self, work: RowTask, scene: Any, spans: Sequence[Span], tables: Outputs, threads: int, advance: Advance
     ) -> Iterator[Span]:
-        """As `make_on_threads`, by workers unless it has few rays. Raises: as `made`."""
+        """Make the rows of `work`, by workers unless it has few rays, as `make_on_threads` does. Raises: as `made`."""
         if sum(stop - start for start, stop in spans) * work.rays < _FEW_RAYS:
             yield from make_on_threads(work, scene, spans, tables, threads, advance)
             return

@@ -54,7 +54,7 @@ class Copies:
     def of_one_round(
         cls, tracer: Tracer, points: Points, rays: int, key: np.uint32, dtype: type[np.floating[Any]]
     ) -> Self:
-        """As many `rays` at every site, once. Args: dtype: of `gathered`."""
+        """Copies of one round, with as many `rays` at every site. Args: dtype: of `gathered`."""
         copies = cls(tracer, points, dtype=dtype)
         for part, rows in tracer.gather_in_parts(points, rays, key):
             for column, gathered in enumerate(copies.gathered):

@@ -93,7 +93,7 @@ class Round(NamedTuple):
         return cls(column, sites, gathered, level, w, sites.errors_at_all(error, w))
 
     def calibrated(self, measuring: Probes) -> Self:
-        """The same with its errors scaled, in place, to what probes measure."""
+        """The estimates with their errors scaled, in place, to what probes measure."""
         at_probes = self.sites.values_at(measuring.rows, self.w[:, None])[:, 0]
         return self._replace(calibration=measuring.calibrate(self.sites, self.error, at_probes, self.column))
 
@@ -110,7 +110,7 @@ class Round(NamedTuple):
         return np.asarray((self.error[self.sites.traced] > limit**2) | (np.minimum(variance, unlike) > limit**2))
 
     def by_own_rays(self, again: Int64s, own: Copies, measuring: Probes) -> Self:
-        """The same with the traced sites `again` (j,), traced since, as their own rays say, without denoising."""
+        """The estimates with those of the traced sites `again` (j,), traced since, by their own rays, not denoised."""
         if not len(again):
             return self
         gathered = own.gathered[self.column][self.sites.traced]

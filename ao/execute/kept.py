@@ -200,7 +200,7 @@ def _checksum(name: bytes, start: int, rows: bytes | memoryview) -> bytes:
 
 
 def _is_own(folder: Path) -> bool:
-    """Whether it is a folder, not a link to one, and this user's."""
+    """Whether a path is a folder of this user's, not a link to one."""
     try:
         status = folder.lstat()
     except OSError:

@@ -153,7 +153,7 @@ class Moments:
 
     @property
     def name(self) -> bytes:
-        """As `KeptRowTask.name`: of the samples' count, key and places."""
+        """A `KeptRowTask.name`, by the samples' count, key and places."""
         digest = hashlib.blake2b(repr((self.count, int(self.hemispheres.key))).encode(), digest_size=16)
         digest.update(np.ascontiguousarray(self.points).data)
         return digest.digest()

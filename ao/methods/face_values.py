@@ -86,7 +86,7 @@ class _WantedFaces(NamedTuple):
 
     @classmethod
     def of(cls, prepared: Prepared, count: int, vertices: Float64s) -> Self:
-        """Those of the first `count` faces of which all vertices are wanted. Raises: MeshError: none has an area."""
+        """The faces among the first `count` of which all vertices are wanted. Raises: MeshError: none has an area."""
         receivers = prepared.receivers
         with_area = np.flatnonzero(face_areas(vertices, prepared.mesh.faces) > 0)
         is_wanted = with_area < count

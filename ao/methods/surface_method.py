@@ -88,7 +88,7 @@ def _fit(prepared: Prepared, rays: int) -> tuple[Fit, Gathered]:
     del patch
 
     def cached(name: str, compute: Callable[[], Float64s]) -> Float64s:
-        """As `Kept.cached`, by a name that tells fits of other numbers of rays apart."""
+        """`Kept.cached`, by a name that tells fits of other numbers of rays apart."""
         return checkpoint.cached(f"{name}, {rays} rays", compute)
 
     fit = fit_values(problems, trial, cached)

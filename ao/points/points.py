@@ -72,7 +72,7 @@ class Points:
         return cls(rounded, normals.astype(np.float32), np.arange(len(places), dtype=np.uint32), lifts)
 
     def followed_by(self, others: Points) -> Points:
-        """These points and then others, whose numbers go on from the last."""
+        """Two sets of points one after the other; the numbers of the `others` go on from the last."""
         return Points(
             np.append(self.origins, others.origins, axis=0),
             np.append(self.normals, others.normals, axis=0),

@@ -63,7 +63,7 @@ class VertexAxes(NamedTuple):
 
     @classmethod
     def of(cls, receivers: Receivers, points: AnyInts) -> Self:
-        """Those at some of the receivers' points (n,), zero for −1."""
+        """The axes and normals at some of the receivers' points (n,), zero for −1."""
         vectors = receivers.points.normals, receivers.surface_normals
         none = np.zeros((1, 3), np.float32)
         return cls(*(np.concatenate([of_points, none])[points].astype(np.float64) for of_points in vectors))

@@ -114,7 +114,7 @@ class SurfaceSamples:
         return self.rearranged(starts, source, self.all_count[groups])
 
     def resized(self, groups: Int64s, counts: Int64s) -> SurfaceSamples:
-        """The same with so many samples, `counts` (j,), of some `groups` (j,): the last of each over and over."""
+        """Groups of which some, `groups` (j,), have so many samples, `counts` (j,): the last of each over and over."""
         new_counts = self.counts
         new_counts[groups] = counts
         starts = np.concatenate([[0], np.cumsum(new_counts)])
@@ -124,7 +124,7 @@ class SurfaceSamples:
         return self.rearranged(starts, source, self.all_count.copy())
 
     def followed_by(self, others: SurfaceSamples) -> SurfaceSamples:
-        """These groups and then the `others`."""
+        """Two sets of groups one after the other."""
         points = self.points.followed_by(others.points)
         return SurfaceSamples(
             np.append(self.starts, self.starts[-1] + others.starts[1:]),

@@ -67,7 +67,7 @@ def split_creases(mesh: Mesh, more: Sequence[PerCorner] = (), own: bool = True) 
 
 
 def split_hard_edges(mesh: Mesh, own: bool = True) -> SplitMesh | None:
-    """As `split_creases`; None where each vertex has one normal anyway."""
+    """`split_creases`; None where each vertex has one normal anyway."""
     normals = corner_normals(mesh, own)
     is_whole = mesh.corner_normals is None and not len(_of_several(mesh, normals))
     return None if is_whole else _split(mesh, normals)

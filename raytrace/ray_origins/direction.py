@@ -250,7 +250,7 @@ def _lower_to_faces(
 def _lower_to_normals(
     start: int, stop: int, normals: Float64Rows, face_points: Int32Rows, face_normals: Float64Rows, clearance: Float64s
 ) -> None:
-    """The same by the faces' normals (m, 3), of polygons of any number of corners."""
+    """Lower clearances by the normals (m, 3) of faces, polygons of any number of corners."""
     for f in range(len(face_points)):
         for corner in range(face_points.shape[1]):
             row = face_points[f, corner]

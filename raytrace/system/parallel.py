@@ -23,7 +23,7 @@ class Parallel(Kernel, Generic[P]):
         self.on(None)(*arguments, **named)
 
     def on(self, threads: int | None) -> Callable[P, None]:
-        """The same on so many threads, but on no more than there are whole blocks: to wake one takes longer."""
+        """The kernel on so many threads, but on no more than there are whole blocks: to wake one takes longer."""
 
         def run(*arguments: Any) -> None:
             count = len(arguments[self._over])

@@ -429,7 +429,7 @@ class Asset:
 
     @property
     def is_scene(self) -> bool:
-        """Whether it is a glTF, which a .glb keeps as it is stored."""
+        """Whether the file is a glTF, which a .glb keeps as it is stored."""
         return self.raw is not None and self.raw.is_scene
 
     def save(self, path: PathName, bake: Any = None, **options: Any) -> None:

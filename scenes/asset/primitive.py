@@ -147,7 +147,7 @@ class Primitive(NamedTuple):
 
     @property
     def own_colours(self) -> Column | None:
-        """Those of `own_colours`."""
+        """The column of vertex colours that are the file's own, None without: see the function of this name."""
         return own_colours(self.columns)
 
     @property

@@ -135,7 +135,7 @@ class ObjectTable(Transform):
 
     @property
     def textured(self) -> bool:
-        """Whether it has images, which need texture coordinates."""
+        """Whether the material has images, which need texture coordinates."""
         return (self.texture, self.grain, self.opacity_texture) != (None, None, None)
 
 

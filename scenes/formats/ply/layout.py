@@ -57,7 +57,7 @@ class Property(NamedTuple):
     sizes: npt.NDArray[Any] = np.empty(0, np.int64)  # (n,), of lists their lengths
 
     def fitting(self) -> Property:
-        """The same values in the same type if it holds them, or else in one that does."""
+        """Values in their own type if it holds them, or else in one that does."""
         kind = self.kind
         with np.errstate(all="ignore"):
             if self.values.dtype != np.dtype("<" + kind):
@@ -80,7 +80,7 @@ class Element:
 
     @property
     def fitting(self) -> Element:
-        """The same with all properties in types that hold their values."""
+        """The element with all properties in types that hold their values."""
         return replace(self, properties=tuple(column.fitting() for column in self.properties))
 
     def others(self, *names: str | None) -> tuple[Property, ...]:
