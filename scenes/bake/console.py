@@ -143,10 +143,11 @@ def warn(
 
 def bake_summary(baked: ao.Bake, target: Path) -> str:
     """The line after a bake: file, vertices, rays, time, estimated error; and one for each flag that vertices have."""
-    from ..show.report.verdict import flags_in_words
+    from ..show.report.verdict import ONE_OF, flags_in_words
 
     took = f"{_took(baked)}, estimated RMSE {baked.rmse:.4f}"
-    text = f"{printable(str(target))}: {len(baked.w):,} {baked.at}, {baked.rays:,} rays traced {took}"
+    elements = f"1 {ONE_OF[baked.at]}" if len(baked.w) == 1 else f"{len(baked.w):,} {baked.at}"
+    text = f"{printable(str(target))}: {elements}, {baked.rays:,} rays traced {took}"
     flags = flags_in_words(baked.flagged, len(baked.w), baked.rays_skipped, baked.at)
     return "\n".join([text, *(words for name, words in flags.items() if name != "contact")])  # usual where parts meet
 

@@ -42,7 +42,7 @@ _OF_FLAGS = {
     ),
 }
 _OF_POINTS = "have no normal; w, the openness, is 1 there"  # their one flag, "degenerate"
-_ONE_OF = {"faces": "face", "vertices": "vertex", "points": "point"}
+ONE_OF = {"faces": "face", "vertices": "vertex", "points": "point"}
 _SINGULAR = {"belong": "belongs", "lie": "lies", "have": "has", "are": "is", "touch": "touches"}
 
 
@@ -120,7 +120,7 @@ def flags_in_words(flagged: dict[str, int], count: int, rays_skipped: dict[str, 
         what = _OF_FLAGS[name][0].format(hidden) if at != "points" else _OF_POINTS
         verb, _, remainder = what.partition(" ")
         if some == 1:
-            words[name] = f"One {_ONE_OF[at]} {_SINGULAR[verb]} {remainder}"
+            words[name] = f"One {ONE_OF[at]} {_SINGULAR[verb]} {remainder}"
         elif some:
             words[name] = f"{some:,} of {count:,} {at} {what}"
     return words
