@@ -42,7 +42,8 @@ def _splitmix64(x: Any) -> Any:
     return x ^ (x >> np.uint64(31))
 
 
-hash32, hash64 = inline(_lowbias32), inline(_splitmix64)  # of one value, in kernels
+hash32 = inline(_lowbias32)  # of one value, in kernels
+hash64 = inline(_splitmix64)
 
 
 def hash32_array(values: npt.ArrayLike) -> UInt32s:

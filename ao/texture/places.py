@@ -18,9 +18,8 @@ SLOTS = 4  # points of a texel
 POINTS = SLOTS + 1  # and its centre
 _COLUMN = np.array([1, 0])  # of cells, in which points 0 and 2 lie; the others are opposite to them
 _ROW = np.array([[0, 2], [3, 1], [2, 0], [1, 3]])  # the same of SLOTS parts, by which each cell has one
-_OF_LAYER = np.array(
-    [0, 3, 1, 2]
-)  # points of a layer that has one of each part, so that these are in all columns and rows
+_OF_LAYER = np.array([0, 3, 1, 2])
+"""Points of a layer that has one of each part, so that these are in all columns and rows."""
 _STEP = np.array([1.7548776662466927, 2.5698402909980532]) / SLOTS
 """From part to part; SLOTS of it make one of the R2 sequence (Roberts 2018), by which each cell is even, too."""
 _OF_POINTS, OF_AREA, _OF_CELLS, _OF_LAYERS = 0, 2, 4, 5  # numbers that are drawn
@@ -84,6 +83,7 @@ def shift(places, row, texel, first):
 
 @inline
 def _rows_of_part(places, row, texel):
+    """The row of `_ROW` by which the cells of a texel's part have their points."""
     return (_random(places.key, texel, _OF_CELLS) + _part(places, row)) % SLOTS
 
 
