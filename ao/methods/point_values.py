@@ -16,7 +16,7 @@ from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import normalize
 from obscurance.raytrace.ray_origins.origins import directions_in_front, ray_offset
 from obscurance.raytrace.ray_origins.surface import Surface
-from obscurance.raytrace.types import Float64s, UInt8s
+from obscurance.raytrace.types import Float32s, Float64s, UInt8s
 
 from ..declared import known_names
 from ..estimate.estimate import estimate
@@ -65,7 +65,7 @@ def bake_points(
             it; lengths in per cent are of these discs.
         points: (k, 3), in the unit of `mesh`; those on a face are taken to lie on its front, or on its back if their
             normal is more than 45° behind it. Directions below the face are closed.
-        normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1.
+        normals: (k, 3), axes of the hemispheres, of any length; where one is zero or NaN, w is 1. Not all are.
         falloff, samples, seed, threads, progress, occluders, tolerance, denoise: as `ao.bake` takes them.
         spread, weight, back_faces, profile: likewise.
 
@@ -98,14 +98,11 @@ def bake_points(
     if cloud:
         lifts = cloud.lifts
         doubts = np.hypot(cloud.doubts, border_errors(places, axes, cloud.borders, prepared.mu, threads))
-    # Along a curve that keeps neighbours together, with those near each.
+    # Along a curve that keeps neighbours together.
     order = morton_order(_in_render_space(prepared, places).astype(np.float32))
     baked = _points_at(prepared, places[order], axes[order], lifts[order])
     tracer = prepared.tracer(len(order))
-    near = cKDTree(places[order]).query(places[order], min(NEIGHBOURS + 1, len(order)), workers=prepared.threads)[1]
-    rows = np.repeat(np.arange(len(order)), near.size // max(len(order), 1))
-    links = partial(Neighbours.linked, rows, near.ravel(), baked.normals, prepared.threads)
-    sites = Sites.alike(baked, links, ONE_PLACE)
+    sites = Sites.alike(baked, partial(_neighbours, places[order], baked.normals, prepared.threads), ONE_PLACE)
     # Their estimates, in the order of the arguments.
     values = PointValues.of(estimate(tracer, sites, checked), 0, tracer.rays, doubts[order])
     row = np.full(count, -1)
@@ -126,6 +123,13 @@ def _rows(name: str, values: npt.ArrayLike) -> Float64s:
     if array.ndim != 2 or array.shape[1] != 3:
         raise OptionError(name, "shape (…, 3)", array.shape)
     return array
+
+
+def _neighbours(places: Float64s, normals: Float32s, threads: int) -> Neighbours:
+    """The points (k, 3) that are nearest to each, as estimates take neighbours."""
+    near = cKDTree(places).query(places, list(range(1, min(NEIGHBOURS + 1, len(places)) + 1)), workers=threads)[1]
+    rows = np.repeat(np.arange(len(places)), near.shape[1])
+    return Neighbours.linked(rows, near.ravel(), normals, threads)
 
 
 def _in_render_space(prepared: Prepared, points: Float64s) -> Float64s:

@@ -1,8 +1,4 @@
-"""Discs in place of the points of a cloud, which occlude one another, but not the points of their own sheet.
-
-A sheet is where normals are alike, and where no point is far off along the mean of both normals: points of one sheet,
-flat or evenly curved, are not.
-"""
+"""Discs in place of the points of a cloud, which occlude one another, but not the points of their own sheet."""
 
 from __future__ import annotations
 
@@ -13,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from obscurance.raytrace.errors import MeshError
 from obscurance.raytrace.kernel.jit import inline
-from obscurance.raytrace.kernel.vector import add, cross, dot, length, load, scale, store, subtract
+from obscurance.raytrace.kernel.vector import add, cross, dot, length, load, scale, store, subtract, unit
 from obscurance.raytrace.mesh.mesh import Mesh
 from obscurance.raytrace.mesh.morton import morton_order
 from obscurance.raytrace.mesh.normals import normalize
@@ -60,9 +56,10 @@ class Discs(NamedTuple):
 def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int | None = None) -> Discs:
     """Discs of points (k, 3) that reach to their sixth neighbour of their own sheet.
 
-    Raises: MeshError: fewer than two points, or one that is not finite.
+    Args: points: finite ones.
+
+    Raises: MeshError: fewer than two points.
     """
-    check_finite(points, source)
     if len(points) < 2:
         raise MeshError(source, "points", "at least two", len(points))
     order = morton_order((points - points[0]).astype(np.float32))  # so that what is near is near in memory
@@ -74,13 +71,13 @@ def discs(points: Float64s, axes: Float64s, source: str = "points", threads: int
     near = nearest[:, 1:].astype(np.int32)
     radius = distances[:, 1 : NEIGHBOURS + 1][:, -1].copy()
     cloud = Cloud(ordered, cloud_axes, radius, near, np.empty(near.shape, np.bool_))
-    tell_sheets.on(threads)(cloud, near, distances)
+    tell_sheets.on(threads)(cloud, distances)
     corners = np.empty((len(points), CORNERS, 3))
     counts = np.empty(len(points), np.int64)
     lifts = np.empty((len(points), 3))
     borders = np.empty((len(points), 3))
     doubts = np.empty(len(points))
-    outline.on(threads)(cloud, near, corners, counts, borders)
+    outline.on(threads)(cloud, corners, counts, borders)
     _lift.on(threads)(cloud, (corners, counts), lifts, doubts)
     # A fan of triangles for each, in the order of the points.
     place = np.argsort(order)
@@ -146,7 +143,7 @@ def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Flo
         facing, above, along = beside(cloud, i, j)
         near = cloud.near[i, j]
         there = load(cloud.axes, near)
-        if _rises_from(cloud, i, j):
+        if _rises_from(cloud, i, j, above, along):
             walls = add(walls, there)
             is_covered = True
             continue
@@ -157,11 +154,7 @@ def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Flo
             sticking_out = max(sticking_out, _height_of_corners(outlines, near, p, axis))
             if not cloud.of_sheet[i, j]:
                 continue
-        centre = load(cloud.points, near)
-        reach = cloud.radius[near]
-        offset = subtract(add(p, scale(height, axis)), centre)
-        aside = length(offset)
-        is_below = aside <= reach and _is_in(outlines, near, add(centre, scale(_INNER, offset)), there)
+        aside, is_below, outwards = _place_on_disc(cloud, outlines, near, add(p, scale(height, axis)))
         if cloud.of_sheet[i, j]:
             if is_below:
                 highest = max(highest, height)
@@ -170,10 +163,10 @@ def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Flo
         else:
             if is_below:
                 first = min(first, height)
-                is_covered |= aside <= _INNER * reach
-            if abs(facing) > _PARALLEL and height < radius and 0.0 < aside <= 2.0 * reach:
+                is_covered |= aside <= _INNER
+            if abs(facing) > _PARALLEL and height < radius and 0.0 < aside <= 2.0:
                 just_above += 1
-                directions = add(directions, scale(1.0 / aside, offset))
+                directions = add(directions, outwards)
     distance = min(max(_LEAST * radius, _CLEAR * highest, _BEYOND_EDGES * sticking_out), _LIFT * min(radius, first))
     lift = scale(distance, axis)
     if length(walls) > 0.0:
@@ -189,15 +182,28 @@ def _lift(i: int, cloud: Cloud, outlines: tuple[Float64Grid, Int64s], lifts: Flo
 
 
 @inline
-def _rises_from(cloud, i, j):
-    """Whether the j-th disc near point i is of another sheet, in whose plane the point lies, on a concave edge."""
-    _, above, along = beside(cloud, i, j)
+def _rises_from(cloud, i, j, above, along):
+    """Whether the j-th disc near point i is of another sheet, in whose plane the point lies, on a concave edge.
+
+    Args: above, along: of `beside`.
+    """
     near = cloud.near[i, j]
     level = FLAT * cloud.radius[i]
     if cloud.of_sheet[i, j] or above <= level or abs(along) > level:
         return False
     distance = length(subtract(load(cloud.points, near), load(cloud.points, i)))
     return distance <= _BESIDE_WALL * max(cloud.radius[i], cloud.radius[near])
+
+
+@inline
+def _place_on_disc(cloud, outlines, near, place):
+    """How far a place in the plane of a disc is from its centre, in radii, whether it is in the outline, but for its
+    rim, and the direction there from the centre, zero at it."""
+    centre = load(cloud.points, near)
+    offset = subtract(place, centre)
+    aside = length(offset) / max(cloud.radius[near], 1e-300)  # 0 where points coincide
+    is_in = aside <= 1.0 and _is_in(outlines, near, add(centre, scale(_INNER, offset)), load(cloud.axes, near))
+    return aside, is_in, unit(offset)
 
 
 @inline

@@ -9,7 +9,7 @@ import numpy as np
 from obscurance.raytrace.kernel.jit import inline
 from obscurance.raytrace.kernel.vector import add, dot, load, scale, store, subtract, tangents
 from obscurance.raytrace.system.parallel import each
-from obscurance.raytrace.types import Float64Grid, Float64Rows, Int32Rows, Int64s
+from obscurance.raytrace.types import Float64Grid, Float64Rows, Int64s
 
 from .sheets import FLAT, NEAR, Cloud, beside
 
@@ -29,13 +29,10 @@ _ROUNDED = 1.0 + 1e-9  # times an offset, at which an outline that was cut there
 _BESIDE = 0.7  # cosine between directions to the same side
 
 
-@each("near")
-def outline(i: int, cloud: Cloud, near: Int32Rows, corners: Float64Grid, counts: Int64s, borders: Float64Rows) -> None:
+@each("corners")
+def outline(i: int, cloud: Cloud, corners: Float64Grid, counts: Int64s, borders: Float64Rows) -> None:
     """Write the corners of each disc, (k, CORNERS, 3), how many these are, and outward vectors (k, 3) as long as the
-    spacing at outermost points of a sheet, elsewhere 0.
-
-    Args: near: of the cloud.
-    """
+    spacing at outermost points of a sheet, elsewhere 0."""
     p = load(cloud.points, i)
     u, v = tangents(load(cloud.axes, i))
     radius = cloud.radius[i]

@@ -33,15 +33,15 @@ class Cloud(NamedTuple):
     of_sheet: BoolRows
 
 
-@each("near")
-def tell_sheets(i: int, cloud: Cloud, near: Int32Rows, distances: Float64Rows) -> None:
+@each("distances")
+def tell_sheets(i: int, cloud: Cloud, distances: Float64Rows) -> None:
     """Fill in `of_sheet`, and the `radius`, which is the distance of the sixth neighbour before: a disc reaches to the
     sixth across edges, too, which does not lie on a sheet above or below.
 
-    Args: near: of the cloud. distances: (k, 1 + j), of the point itself and of those near it.
+    Args: distances: (k, 1 + j), of the point itself and of those near it.
     """
     least = np.full(_OF_SHEET, np.inf)  # distances of those with alike normals, sorted
-    for j in range(near.shape[1]):
+    for j in range(cloud.near.shape[1]):
         facing, above, along = beside(cloud, i, j)
         off = abs(above + along) / 2.0
         if facing > ALIKE and off < least[-1]:
@@ -50,9 +50,9 @@ def tell_sheets(i: int, cloud: Cloud, near: Int32Rows, distances: Float64Rows) -
                 least[k] = least[k - 1]
                 k -= 1
             least[k] = off
-    limit = max(_APART * least[min(_OF_SHEET, near.shape[1]) - 1], FLAT * cloud.radius[i])
+    limit = max(_APART * least[min(_OF_SHEET, cloud.near.shape[1]) - 1], FLAT * cloud.radius[i])
     around = 0
-    for j in range(near.shape[1]):
+    for j in range(cloud.near.shape[1]):
         facing, above, along = beside(cloud, i, j)
         of_sheet = facing > ALIKE and abs(above + along) / 2.0 <= limit
         cloud.of_sheet[i, j] = of_sheet

@@ -6,10 +6,9 @@ from shlex import quote
 
 import numpy as np
 
-from obscurance.raytrace import Mesh, OptionError
-from obscurance.raytrace.errors import SceneError, printable
+from obscurance.raytrace.errors import OptionError, SceneError, printable
 from obscurance.raytrace.image.texture import Texture, texture_codes
-from obscurance.raytrace.mesh.mesh import TO_Y_UP, up_axis
+from obscurance.raytrace.mesh.mesh import TO_Y_UP, Mesh, up_axis
 from obscurance.raytrace.mesh.warnings import lying_notes
 from obscurance.raytrace.system.atomic import write_bytes
 from obscurance.raytrace.system.checks import check_ending, check_outputs

@@ -122,10 +122,10 @@ def _of_points(asset: Asset) -> Asset:
     if not np.nan_to_num(normals).any():
         raise MeshError(asset.path, "normals", "some that are neither zero nor NaN", f"none of {len(normals):,}")
     places = np.asarray(asset.primitives[0].positions, np.float64)
+    check_finite(places, asset.path)
     if len(places) > 1:
         mesh = discs(places, normals, str(asset.path)).mesh
     else:  # beside others that occlude
-        check_finite(places, asset.path)
         mesh = Mesh(places[[0, 0, 0]], [[0, 1, 2]], source=str(asset.path))
     discs_of = Primitive.of(mesh.vertices, mesh.faces.ravel())
     return replace(asset, primitives=(discs_of,), cloud=(places, normals), has_alpha=False)
